@@ -1,0 +1,157 @@
+# Incident light fields for Radiance: everything is built from here, all output lies under build/.
+#
+#   make              all programs            make help         what else there is
+#   make demo         the main job            make test         the tests
+#
+# One folder, one rule: tools/X/*.c are X's parts, archived together; a file there that is named
+# in PROGRAMS_X holds a main().  SAN=1 builds everything of ours with ASan and UBSan in build/san/.
+
+SHELL      := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DELETE_ON_ERROR:
+.SECONDARY:
+MAKEFLAGS  += --no-builtin-rules
+
+VERSION    := 0.1.0
+TOP        := $(CURDIR)
+B0         := build
+B          := $(B0)$(if $(SAN),/san)
+CC         ?= gcc
+CXX        ?= g++
+ifeq ($(origin CC),default)
+CC         := gcc
+endif
+ifeq ($(origin CXX),default)
+CXX        := g++
+endif
+PYTHON     ?= python3
+PREFIX     ?= /usr/local
+OPT        ?= -O2 -g
+WARN       := -Wall -Wextra -Wshadow -Wconversion -Werror
+SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
+, := ,
+CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
+CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) -fopenmp -MMD -MP
+CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow -Werror $(SANFLAGS) -MMD -MP
+LDFLAGS    += $(SANFLAGS) -fopenmp -Wl,--as-needed
+LIBS_ILF   := -lOpenEXRCore -lpthread -lm
+LIBS_IMAGE := -lOpenEXRCore -lpng -ljpeg -ltiff -lraw_r -lz -lpthread -lm
+
+# ---- programs ------------------------------------------------------------------------------------
+PROGRAMS_ilfmat    := ilfpack ilfinfo ilftrace
+PROGRAMS_hdrgen    := hdrgen
+PROGRAMS_fishremap := fishremap falloffcal
+PROGRAMS_stagectl  := stagectl virtualstage virtualcamera
+LIBS_hdrgen        := -lexif -llapacke -llapack
+LIBS_fishremap     := -lopencv_imgproc -lopencv_core -llapacke -llapack -lstdc++
+LIBS_stagectl      := -lutil
+TOOLS              := hdrgen fishremap stagectl
+
+# A main that is not written yet is left out, so that a partial checkout builds.
+have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
+ILF_PROGRAMS  := $(call have,ilfmat,ilfmat)
+TOOL_PROGRAMS := $(foreach t,$(TOOLS),$(call have,$(t),tools/$(t)))
+
+.PHONY: all radiance tools demo test figures report stability bench bench-hdrgen bench-fishremap \
+        bench-render fuzz install clean help env deps deps-radiance deps-tools man
+all: radiance tools man
+
+# ---- what a machine needs --------------------------------------------------------------------------
+DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
+DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev \
+                 libopencv-core-dev libopencv-imgproc-dev
+deps: deps-radiance deps-tools
+deps-radiance: $(B0)/.debs-radiance
+deps-tools: $(B0)/.debs-tools
+$(B0)/.debs-radiance: setup/debs.sh
+	@sh setup/debs.sh $(DEBS_RADIANCE) && mkdir -p $(@D) && touch $@
+$(B0)/.debs-tools: setup/debs.sh | $(B0)/.debs-radiance
+	@sh setup/debs.sh $(DEBS_TOOLS) && mkdir -p $(@D) && touch $@
+
+# Python lives in a virtual environment of the project's own.
+VENV := $(B0)/venv
+PY   := $(VENV)/bin/python
+$(VENV)/.made: setup/venv.sh | $(B0)/.debs-radiance
+	@sh setup/venv.sh $(VENV) $(PYTHON)
+	@touch $@
+$(VENV)/.packages: setup/requirements.txt $(VENV)/.made
+	@echo "installing Python packages for tests and reports"
+	@$(PY) -m pip install -q --disable-pip-version-check -r setup/requirements.txt
+	@touch $@
+
+# ---- libraries -------------------------------------------------------------------------------------
+COMMON_OBJ := $(patsubst %.c,$(B)/obj/%.o,$(wildcard common/*.c))
+ILFLIB_OBJ := $(patsubst %.c,$(B)/obj/%.o,$(filter-out $(PROGRAMS_ilfmat:%=ilfmat/%.c),$(wildcard ilfmat/*.c)))
+LIBILF     := $(B)/lib/libilf.a
+LIBCOMMON  := $(B)/obj/libcommon.a
+
+$(B)/obj/%.o: %.c | $(B0)/.debs-tools
+	@mkdir -p $(@D)
+	$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
+$(B)/obj/%.o: %.cpp | $(B0)/.debs-tools
+	@mkdir -p $(@D)
+	$(CXX) $(CPPFLAGS) -isystem /usr/include/opencv4 $(CXXFLAGS) -c -o $@ $<
+# libilf is all that rendering needs
+$(B)/obj/ilfmat/%.o: ilfmat/%.c | $(B0)/.debs-radiance
+	@mkdir -p $(@D)
+	$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
+$(PROGRAMS_ilfmat:%=$(B)/obj/ilfmat/%.o): | $(B0)/.debs-tools
+
+$(LIBILF): $(ILFLIB_OBJ)
+	@mkdir -p $(@D) && rm -f $@
+	ar rcs $@ $^
+$(LIBCOMMON): $(COMMON_OBJ)
+	@mkdir -p $(@D) && rm -f $@
+	ar rcs $@ $^
+
+# ---- our programs ----------------------------------------------------------------------------------
+tools: $(ILF_PROGRAMS:%=$(B)/bin/%) $(TOOL_PROGRAMS:%=$(B)/bin/%)
+
+$(ILF_PROGRAMS:%=$(B)/bin/%): $(B)/bin/%: $(B)/obj/ilfmat/%.o $(LIBCOMMON) $(LIBILF)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
+
+define tool_rules
+$(1)_PARTS := $$(patsubst tools/%,$(B)/obj/tools/%.o,$$(basename $$(filter-out $$(PROGRAMS_$(1):%=tools/$(1)/%.c),$$(wildcard tools/$(1)/*.c tools/$(1)/*.cpp))))
+$(B)/obj/lib$(1).a: $$($(1)_PARTS)
+	@mkdir -p $$(@D) && rm -f $$@
+	ar rcs $$@ $$^
+$$(patsubst %,$(B)/bin/%,$(call have,$(1),tools/$(1))): $(B)/bin/%: $(B)/obj/tools/$(1)/%.o $(B)/obj/lib$(1).a $(LIBCOMMON) $(LIBILF)
+	@mkdir -p $$(@D)
+	$(CC) $(LDFLAGS) -o $$@ $$^ $$(LIBS_$(1)) $(LIBS_IMAGE)
+endef
+$(foreach t,$(TOOLS),$(eval $(call tool_rules,$(t))))
+
+# ---- Radiance with the material --------------------------------------------------------------------
+include radiance_patch/build.mk
+
+# ---- man pages -------------------------------------------------------------------------------------
+MAN_PAGES := $(patsubst man/%,$(B0)/man/man1/%,$(wildcard man/*.1))
+man: $(MAN_PAGES)
+$(B0)/man/man1/%: man/%
+	@mkdir -p $(@D)
+	cp $< $@
+
+# ---- the main job, tests, measurements -------------------------------------------------------------
+-include scenes/scenes.mk
+
+TEST_ARGS ?=
+test: all $(VENV)/.packages
+	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider tests $(TEST_ARGS)
+
+# ---- the rest --------------------------------------------------------------------------------------
+env:
+	@echo 'export PATH=$(TOP)/$(B)/bin:$$PATH RAYPATH=.:$(TOP)/$(B0)/lib MANPATH=$(TOP)/$(B0)/man:'
+
+clean:
+	rm -rf $(B0)
+
+help:
+	@sed -n 's/^#? //p' $(MAKEFILE_LIST)
+
+# short names: make rpict, make hdrgen ...
+SHORT := $(RAD_PROGRAMS) $(ILF_PROGRAMS) $(TOOL_PROGRAMS)
+.PHONY: $(SHORT)
+$(SHORT): %: $(B)/bin/%
+
+-include $(shell find $(B)/obj -name '*.d' 2>/dev/null)

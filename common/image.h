@@ -1,0 +1,102 @@
+/*
+ * image.h - pictures in and out.
+ *
+ * In:  OpenEXR (scan line or tiled, HALF/FLOAT/UINT), Radiance .hdr (RGBE and XYZE, old and new
+ *      run lengths, any orientation), PNG, JPEG, TIFF, PNM (P2 P3 P5 P6 and PFM), 8 and 16 bit,
+ *      and what LibRaw knows.  The content decides, not the name.
+ * Out: OpenEXR, Radiance .hdr, PNG (8 bit), by the name's ending.
+ *
+ * Layout: row-major, top row first, channels interleaved: pix[(y*width + x)*channels + c],
+ * c = R, G, B(, A) or grey(, A).  Pixel (x, y) covers [x, x+1) x [y, y+1) with (0, 0) the
+ * top-left corner of the picture: centres at +1/2.
+ *
+ * Values: radiometric formats (EXR, .hdr, PFM, raw) give radiance as the file means it (.hdr:
+ * divided by EXPOSURE and COLORCORR).  Coded formats (PNG, JPEG, TIFF, PNM integers) give the raw code
+ * numbers 0..max_code, untouched by any transfer curve; who reads decides what they mean.
+ */
+#ifndef IMAGE_H
+#define IMAGE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "errmsg.h"
+
+/* Pictures larger than this in either direction, or of more than IMG_MAX_PIXELS, are
+ * refused before memory is taken. */
+#define IMG_MAX_SIDE (1 << 17)
+#define IMG_MAX_PIXELS ((int64_t)1 << 31)
+
+typedef struct img_info {
+    int width, height; /* pixels */
+    int channels;      /* 1 grey, 2 grey+alpha, 3 RGB, 4 RGB+alpha */
+    int coded;         /* 1: values are codes 0..max_code, 0: radiometric */
+    double max_code;   /* 255, 65535, ... ; 0 when radiometric */
+    char format[8];    /* "exr", "hdr", "png", "jpeg", "tiff", "pnm", "pfm", "raw" */
+    /* Photographic facts where the file states them (EXIF, raw, EXR header), else 0. */
+    double exposure_s, f_number, iso;
+} img_info;
+
+typedef struct img {
+    img_info info;
+    float *pix; /* width*height*channels, owned */
+} img;
+
+/* Whole picture.  *im is overwritten on success, untouched on failure. */
+int img_load(img *im, const char *path, errmsg *e);
+void img_free(img *im); /* and zero it */
+
+/* Allocate a zeroed radiometric picture.  Refuses sizes over the limits. */
+int img_alloc(img *im, int width, int height, int channels, errmsg *e);
+
+/* Turn codes into relative linear light in place by the sRGB curve (IEC 61966-2-1), code
+ * max_code -> 1; does nothing to a radiometric picture.  Alpha stays linear. */
+void img_linearise_srgb(img *im);
+
+/* Header of a picture only. */
+int img_probe(img_info *info, const char *path, errmsg *e);
+
+/* Row stream: for series too large to hold.  Rows come from the top; formats that can't
+ * stream (tiled EXR, progressive JPEG, interlaced PNG, bottom-up .hdr) are held inside.
+ * One reader is for one thread at a time; different readers are independent. */
+typedef struct img_reader img_reader;
+int img_reader_open(img_reader **r, const char *path, errmsg *e);
+const img_info *img_reader_info(const img_reader *r);
+int img_reader_rows(img_reader *r, float *rows, int nrows, errmsg *e); /* next nrows rows */
+void img_reader_close(img_reader *r);                                   /* NULL allowed */
+
+typedef enum img_type { IMG_HALF, IMG_FLOAT } img_type;
+
+/* One extra channel of an EXR (sigma, flags ...), or one attribute. */
+typedef struct img_plane {
+    const char *name;  /* EXR channel name, e.g. "sigma.R" */
+    const float *pix;  /* width*height, or the first of a strided set */
+    size_t stride;     /* floats from one pixel to the next */
+    img_type type;
+} img_plane;
+typedef struct img_attr {
+    const char *name;
+    enum { IMG_ATTR_STRING, IMG_ATTR_FLOAT, IMG_ATTR_V3F, IMG_ATTR_INT, IMG_ATTR_FLOATS } kind;
+    const char *s;
+    double v[3];       /* FLOAT: v[0]; V3F: v[0..2]; INT: v[0] */
+    const float *f;    /* FLOATS: n values (floatvector) */
+    int n;
+} img_attr;
+
+typedef struct img_write_opts {
+    img_type type;             /* EXR: HALF or FLOAT for R, G, B, A */
+    const char *compression;   /* EXR: none rle zips zip piz dwaa; NULL = zip */
+    const img_plane *planes;   /* EXR only */
+    int nplanes;
+    const img_attr *attrs;     /* EXR: attributes; .hdr: NAME=value header lines */
+    int nattrs;
+    const char *comment;       /* EXR "comments"; .hdr: a header line (the command line) */
+} img_write_opts;
+
+/* Write atomically (outfile.h); the ending of path picks the format, "-" is .hdr to stdout.
+ * HALF output with a finite value beyond 65504 is refused (choose FLOAT or scale).  PNG: values are
+ * taken as codes 0..255 when info.coded, else as linear light with 1 = white, sRGB-encoded.
+ * opts may be NULL (HALF if all values fit, else FLOAT; zip). */
+int img_write(const img *im, const char *path, const img_write_opts *opts, errmsg *e);
+
+#endif
