@@ -135,8 +135,14 @@ $(B0)/man/man1/%: man/%
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk
 
+# ---- test drivers ----------------------------------------------------------------------------------
+TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
+$(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
+
 TEST_ARGS ?=
-test: all $(VENV)/.packages
+test: all $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider tests $(TEST_ARGS)
 
 # ---- the rest --------------------------------------------------------------------------------------
