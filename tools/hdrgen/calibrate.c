@@ -27,6 +27,7 @@ enum { BINS = 512, MAX_ROUNDS = 8, MIN_ROUNDS = 4, CELLS = 96, MIN_IN_NOISE = 30
 static const double dark_sigmas = 3;   /* active from e = 3 sigma: no black clipping */
 static const double bright_sigmas = 3.5; /* ... to 3.5 sigma under the clipped code */
 static const double outlier_sigmas = 4;
+static const double longest_step = 0.5;  /* of any spline coefficient in one round */
 
 typedef struct cellsum {
     double n, rho, sq, sq_n;
@@ -183,8 +184,10 @@ static void fit_noise(noise_model *m, const channel *h, const response *r, const
     for (int b = 0; b < BINS; b++)
         for (int k = 0; k < h->kk; k++) {
             const cellsum *c = &h->cell[b * h->kk + k];
-            if (c->sq_n < 1)
+            if (c->sq_n < 2)
                 continue;
+            /* about the bin's own mean: an error of the response is not noise */
+            double mean = c->rho / c->n, square = (c->sq - c->sq_n * mean * mean) * c->sq_n / (c->sq_n - 1);
             double e = bin_x(h, b) * exp(lnt[k]);
             int at = (int)(CELLS - 1 + floor(3 * log2(e)));
             if (at < 0 || at >= CELLS)
@@ -193,7 +196,7 @@ static void fit_noise(noise_model *m, const channel *h, const response *r, const
             sum[at].n += c->sq_n;
             sum[at].e += c->sq_n * e;
             sum[at].slope += c->sq_n * response_slope(r, h->c, (int)(z + 0.5));
-            sum[at].relative_square += c->sq;
+            sum[at].relative_square += fmax(square, 0);
         }
     for (int i = 0; i < CELLS; i++)
         if (sum[i].n >= MIN_IN_NOISE) {
@@ -242,6 +245,26 @@ typedef struct step {
     double *dtau, *info;        /* [kk] of ln t, and the weight it deserves */
 } step;
 
+/* RMS over the data of the change x of the curve. */
+static double curve_change(const channel *h, const response *r, const double *lnt, const basis *b,
+                           const double *x)
+{
+    double sum = 0, weight = 0, f[4];
+    for (int i = 0; i < BINS; i++)
+        for (int k = 0; k < h->kk; k++) {
+            double w = h->w[i * h->kk + k] * h->cell[i * h->kk + k].n, d = 0;
+            if (!(w > 0))
+                continue;
+            double z = response_forward(r, h->c, bin_x(h, i) * exp(lnt[k]));
+            int first = basis_eval(b, log(fmax(z, 1)), 0, f);
+            for (int j = 0; j < 4; j++)
+                d += f[j] * x[first + j];
+            sum += w * d * d;
+            weight += w;
+        }
+    return weight > 0 ? sqrt(sum / weight) : 0;
+}
+
 static int solve_step(step *d, const channel *h, const response *r, const double *lnt,
                       const double *lnt0, const basis *b, const double *c, const calib_opts *o,
                       calib_facts *facts, errmsg *e)
@@ -272,11 +295,12 @@ static int solve_step(step *d, const channel *h, const response *r, const double
     if (qrls_solve(q, x, 1e-13, &qf, e))
         goto done;
     facts->condition[h->c] = qf.condition;
-    d->change = 0;
-    for (int j = 0; j < cc; j++) {
-        d->dc[j] = fmin(fmax(x[j], -1), 1);
-        d->change = fmax(d->change, j > 2 ? fabs(x[j]) : 0);
-    }
+    d->change = cc ? curve_change(h, r, lnt, b, x) : 0;
+    double largest = 0;
+    for (int j = 0; j < cc; j++)
+        largest = fmax(largest, fabs(x[j]));
+    for (int j = 0; j < cc; j++)
+        d->dc[j] = x[j] * fmin(1, longest_step / fmax(largest, longest_step));
     for (int k = 0; k < tc; k++) {
         d->dtau[k] = fmin(fmax(x[cc + k], -0.7), 0.7);
         d->info[k] = 1e-3;
