@@ -113,6 +113,11 @@ static void prepare(channel *h, const response *r, const noise_model *m, const d
         }
 }
 
+static float pedestal(const channel *h, int i)
+{
+    return h->s->dark[h->c] ? h->y[h->s->dark[h->c][i]] : 0;
+}
+
 /* First X: weights from the samples themselves. */
 static void first_x(channel *h, const response *r, const noise_model *m)
 {
@@ -126,12 +131,12 @@ static void first_x(channel *h, const response *r, const noise_model *m)
     }
     for (int i = 0; i < h->n; i++) {
         const uint16_t *z = h->s->z[h->c] + (size_t)i * (size_t)h->kk;
-        float num = 0, den = 0;
+        float num = 0, den = 0, dark = pedestal(h, i);
         for (int k = 0; k < h->kk; k++) {
-            num += w[z[k]] * h->y[z[k]] * h->rt[k];
+            num += w[z[k]] * (h->y[z[k]] - dark) * h->rt[k];
             den += w[z[k]];
         }
-        h->x[i] = den > 0 ? num / den : 0;
+        h->x[i] = den > 0 && num > 0 ? num / den : 0;
     }
     free(w);
 }
@@ -146,10 +151,10 @@ static void gather(channel *h)
             continue;
         const uint16_t *z = h->s->z[h->c] + (size_t)i * (size_t)kk;
         const float *w = h->w + bin_of(h, h->x[i]) * kk;
-        float num = 0, den = 0;
+        float num = 0, den = 0, dark = pedestal(h, i);
         for (int k = 0; k < kk; k++) {
             float wk = z[k] < top ? w[k] : 0;
-            num += wk * h->y[z[k]] * h->rt[k];
+            num += wk * (h->y[z[k]] - dark) * h->rt[k];
             den += wk;
         }
         if (!(den > 0) || !(num > 0))
@@ -161,7 +166,7 @@ static void gather(channel *h)
         for (int k = 0; k < kk; k++) {
             if (!(w[k] > 0) || z[k] >= top)
                 continue;
-            double rho = h->y[z[k]] * h->rt[k] / h->x[i] - 1;
+            double rho = (h->y[z[k]] - dark) * h->rt[k] / h->x[i] - 1;
             double limit = outlier_sigmas * sqrt(h->slack / w[k]);
             rho = fmin(fmax(rho, -limit), limit);
             cell[k].n++;
@@ -389,6 +394,20 @@ static int copy_response(response *to, const response *from, errmsg *e)
     return 0;
 }
 
+/* Normalise the response; the noise model's unit, the exposure at the highest code, goes with it. */
+static void rescale(response *r, noise_model *m)
+{
+    double before[RESPONSE_MAX_CHANNELS];
+    for (int c = 0; c < r->channels; c++)
+        before[c] = r->finv[c][r->max_code];
+    response_normalise(r);
+    for (int c = 0; c < r->channels; c++) {
+        double by = r->finv[c][r->max_code] / before[c];
+        m[c].photon *= by;
+        m[c].read *= by;
+    }
+}
+
 int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, const samples *s,
               const calib_opts *o, errmsg *e)
 {
@@ -422,7 +441,7 @@ int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, 
             break;
     }
     if (o->fit_response)
-        response_normalise(&work);
+        rescale(&work, m);
     memcpy(lnt, t, sizeof *t * (size_t)kk);
     memcpy(noise, m, sizeof *m * (size_t)r->channels);
     response_free(r);
