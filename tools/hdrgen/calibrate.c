@@ -27,6 +27,7 @@ enum { BINS = 512, MAX_ROUNDS = 8, MIN_ROUNDS = 4, CELLS = 96, MIN_IN_NOISE = 30
 static const double dark_sigmas = 3;   /* active from e = 3 sigma: no black clipping */
 static const double bright_sigmas = 3.5; /* ... to 3.5 sigma under the clipped code */
 static const double outlier_sigmas = 4;
+static const double least_lambda = 0.01; /* Gauss-Newton needs some hold where data are few */
 static const double longest_step = 0.5;  /* of any spline coefficient in one round */
 
 typedef struct cellsum {
@@ -42,6 +43,7 @@ typedef struct channel {
     float *rt;                /* 1 / t_k */
     float *y;                 /* finv as float */
     cellsum *cell;            /* [BINS * kk] */
+    double model_error;       /* mean square of what noise does not explain in the bins' means */
     double slack;             /* variances are multiplied by this while far from the solution */
 } channel;
 
@@ -213,6 +215,35 @@ static void fit_noise(noise_model *m, const channel *h, const response *r, const
     noise_fit(m, full, used, fixed);
 }
 
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Means over many pixels know the curve to 1e-4, real cameras (flare, drift, registration) don't keep to
+ * any curve that well: the part of the means' scatter that noise can't explain, from medians. */
+static void fit_model_error(channel *h)
+{
+    enum { FEW = 5, LEAST = 20 };
+    int n = 0, all = BINS * h->kk;
+    double *rho = malloc(sizeof *rho * (size_t)all), *var = malloc(sizeof *var * (size_t)all);
+    for (int i = 0; i < all && rho && var; i++)
+        if (h->cell[i].n >= FEW && h->w[i] > 0) {
+            double mean = h->cell[i].rho / h->cell[i].n;
+            rho[n] = mean * mean;
+            var[n++] = 1 / (h->w[i] * h->cell[i].n);
+        }
+    h->model_error = 0;
+    if (n >= LEAST) {
+        qsort(rho, (size_t)n, sizeof *rho, by_value);
+        qsort(var, (size_t)n, sizeof *var, by_value);
+        h->model_error = fmax(rho[n / 2] / 0.455 - var[n / 2], 0); /* chi-square(1) has median 0.455 */
+    }
+    free(rho);
+    free(var);
+}
+
 /* Rows of one channel; columns: spline changes (if fitted), then time changes (if fitted). */
 static int add_rows(qrls *q, const channel *h, const response *r, const double *lnt,
                     const basis *b, int curve_cols, int time_cols, double *rows, double *u)
@@ -225,7 +256,7 @@ static int add_rows(qrls *q, const channel *h, const response *r, const double *
             double w = h->w[i * h->kk + k];
             if (c->n < 1 || !(w > 0))
                 continue;
-            w = sqrt(w * c->n);
+            w = 1 / sqrt(1 / (w * c->n) + h->model_error);
             double *row = rows + (size_t)used * (size_t)m, f[4];
             memset(row, 0, sizeof *row * (size_t)m);
             if (curve_cols) {
@@ -284,7 +315,7 @@ static int solve_step(step *d, const channel *h, const response *r, const double
         goto done;
     }
     if (add_rows(q, h, r, lnt, b, cc, tc, rows, u) ||
-        (cc && (curve_penalty(q, b, o->lambda, c) || curve_gauge(q, b, 1e4)))) {
+        (cc && (curve_penalty(q, b, fmax(o->lambda, least_lambda), c) || curve_gauge(q, b, 1e4)))) {
         err_set(e, "least squares: LAPACK's QR factorisation failed");
         goto done;
     }
@@ -354,6 +385,7 @@ static int one_round(response *r, noise_model *noise, double *lnt, const double 
         gather(&h[c]);
         if (o->fit_noise)
             fit_noise(&noise[c], &h[c], r, lnt, &o->fixed_noise);
+        fit_model_error(&h[c]);
         h[c].slack = fmax(1, h[c].slack / 2);
         count(facts, &h[c]);
         if (!o->fit_response && !o->fit_times)
