@@ -11,7 +11,7 @@
 #include "exif.h"
 #include "samples.h"
 
-enum { WANTED_SAMPLES = 40000 };
+enum { WANTED_SAMPLES = 32000 };
 
 double job_cpu_s(void)
 {
