@@ -224,7 +224,8 @@ def test_ilftrace_ignores_further_parts(tmp_path):
     import OpenEXR
     rng = np.random.default_rng(9)
     f = random_ilf(rng, 3, 3, 8, 5)
-    part = OpenEXR.Part({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION},
+    window = np.zeros(2, np.int32), np.array([23, 14], np.int32)      # shared by all parts of a file
+    part = OpenEXR.Part({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION, "displayWindow": window},
                         {"Y": rng.uniform(size=(6, 9)).astype(np.float32)}, "derived")
     path = write_ilf(tmp_path / "f.ilf.exr", f, compression="zip", parts=[part])
     o, d, h = rays(rng, f, 2000)
