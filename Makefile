@@ -35,8 +35,8 @@ CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -isys
 CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) -fopenmp -MMD -MP
 CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow -Werror $(SANFLAGS) -MMD -MP
 LDFLAGS    += $(SANFLAGS) -fopenmp -Wl,--as-needed
-LIBS_ILF   := -lOpenEXRCore -lpthread -lm
-LIBS_IMAGE := -lOpenEXRCore -lpng -ljpeg -ltiff -lraw_r -lz -lpthread -lm
+LIBS_ILF   := -lOpenEXRCore -lOpenEXR -lpthread -lm
+LIBS_IMAGE := -lOpenEXRCore -lOpenEXR -lpng -ljpeg -ltiff -lraw_r -lz -lpthread -lm
 
 # ---- programs ------------------------------------------------------------------------------------
 PROGRAMS_ilfmat    := ilfpack ilfinfo ilftrace
@@ -141,8 +141,14 @@ $(B0)/man/man1/%: man/%
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
 
+# ---- test drivers ----------------------------------------------------------------------------------
+TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
+$(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
+
 TEST_ARGS ?=
-test: all $(VENV)/.packages
+test: all $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider tests $(TEST_ARGS)
 
 # ---- the rest --------------------------------------------------------------------------------------
