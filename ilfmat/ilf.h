@@ -138,6 +138,7 @@ typedef struct ilf_spec {
     const char *owner;            /* or NULL */
     const char *cap_date;         /* "YYYY:MM:DD HH:MM:SS" or NULL */
     double white_luminance;       /* cd/m^2 of RGB (1,1,1); 0: none stated */
+    const char *name;             /* what errors call the file; NULL: its path */
 } ilf_spec;
 
 typedef struct ilf_writer ilf_writer;

@@ -7,7 +7,7 @@
 
 struct ilf_writer {
     exr_context_t exr;
-    char *path;
+    char *path; /* as errors call the file */
     ilf_spec spec;
     int64_t next;     /* probe to come */
     uint16_t *half;   /* one probe, when the file holds halves */
@@ -118,14 +118,15 @@ static exr_result_t write_header(ilf_writer *w, exr_compression_t compression)
 ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec *spec, ilf_error *err)
 {
     exr_compression_t compression = EXR_COMPRESSION_NONE;
-    const ilf_status st = check_spec(path, spec, &compression, err);
+    const char *name = spec->name ? spec->name : path;
+    const ilf_status st = check_spec(name, spec, &compression, err);
 
     if (st != ILF_OK) return st;
     ilf_writer *w = calloc(1, sizeof *w);
-    if (!w || !(w->path = strdup(path)) ||
+    if (!w || !(w->path = strdup(name)) ||
         (spec->type == ILF_HALF && !(w->half = malloc((size_t)spec->n_theta * (size_t)spec->n_phi * 6)))) {
         ilf_writer_abort(w);
-        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory", path);
+        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory", name);
     }
     w->spec = *spec;
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
