@@ -190,7 +190,6 @@ def write_tiff(path, a, order="<", photometric=None, separate=False, tile=None, 
         tags[338] = (3, extra)
     if palette is not None:
         tags[320] = (3, palette.T.ravel().tolist())
-    tags.update(dict(more))
     offset, data = 8, b""
     offsets = []
     for u in units:
@@ -200,6 +199,7 @@ def write_tiff(path, a, order="<", photometric=None, separate=False, tile=None, 
         tags.update({322: (4, [tile[0]]), 323: (4, [tile[1]]), 324: (4, offsets), 325: (4, [len(u) for u in units])})
     else:
         tags.update({278: (4, [rows]), 273: (4, offsets), 279: (4, [len(u) for u in units])})
+    tags.update(dict(more))
     path.write_bytes(_tiff_file(order, tags, data))
 
 

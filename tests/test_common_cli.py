@@ -44,7 +44,7 @@ def test_version():
 def test_forms_of_an_option():
     for args in (["--whole", "-3"], ["--whole=-3"], ["-w", "-3"], ["-w-3"], ["--wh=-3"], ["-fw-3"]):
         assert facts(*args)[0]["whole"] == "-3"
-    assert facts("-fq")[0] == facts("--flag", "--quiet")[0] | {"x": 0}
+    assert facts("-fq")[0] == facts("--flag", "--quiet")[0]
     assert facts("--real", "1/4")[0]["real"] == "0.25"
     assert facts("--size=640x480")[0]["size"] == "640x480"
     assert facts("--three", "1,2.5,-3e2")[0]["three"] == "1,2.5,-300"
@@ -114,6 +114,12 @@ def test_control_characters_in_a_name_keep_the_message_one_line(tmp_path):
     name = str(tmp_path / "no\nsuch\x1b[2Jfolder" / "f")
     line = refused(run(CLITOOL, "-o", name))
     assert "\x1b" not in line and "no?such?[2Jfolder" in line
+
+
+def test_names_that_are_not_ascii(tmp_path):
+    for name, shown in ((b"n\xc3\xa4h/f", "n\u00e4h/f"), (b"a\xe4\xff/f", "a??/f"), (b"a\xc2\x9b2J/f", "a??2J/f")):
+        p = run(CLITOOL, "-o", os.fsdecode(os.fsencode(tmp_path) + b"/" + name))
+        assert shown in refused(p)
 
 
 # ---- outputs -----------------------------------------------------------------------------------------
