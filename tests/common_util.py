@@ -11,6 +11,8 @@ import numpy as np
 BUILD = pathlib.Path(os.environ.get("ILF_BUILD", "build")).resolve()
 IMGTOOL = BUILD / "test" / "imgtool"
 CLITOOL = BUILD / "test" / "clitool"
+# under the sanitizer too, memory that isn't there is a NULL for us to report
+os.environ["ASAN_OPTIONS"] = "allocator_may_return_null=1:" + os.environ.get("ASAN_OPTIONS", "")
 
 
 def run(program, *args, **kw):

@@ -66,6 +66,7 @@ def test_command_line_as_text():
     (["--nonsense"], "unknown option --nonsense"),
     (["-Z"], "unknown option -Z"),
     (["--s", "1"], "ambiguous"),
+    (["--step", "x"], "--steps"),
     (["--flag=1"], "takes no value"),
     (["--whole"], "found none"),
     (["-w"], "found none"),
@@ -94,6 +95,31 @@ def test_usage_errors(args, words):
 def test_quiet_silences_remarks_only():
     assert run(CLITOOL).stderr == b"clitool: a remark\n"
     assert run(CLITOOL, "-q").stderr == b""
+
+
+def on_a_terminal(*args):
+    ours, theirs = os.openpty()
+    p = subprocess.Popen([CLITOOL, *args], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=theirs)
+    os.close(theirs)
+    text = b""
+    try:
+        while data := os.read(ours, 4096):
+            text += data
+    except OSError:  # how a terminal says that the other end is gone
+        pass
+    os.close(ours)
+    assert p.wait(10) == 0
+    return text.decode()
+
+
+def test_progress_bar_on_a_terminal_only():
+    text = on_a_terminal("--steps", "100000")
+    bars = text.split("\r")
+    assert len(bars) < 120 and text.count("stepping") >= 100  # drawn when the percentage changes, not at every step
+    assert "[" + "#" * 40 + "] 100%" in text
+    assert "\r\x1b[Kclitool: half way\r\n" in text  # a remark takes the bar's line
+    assert on_a_terminal("--steps", "1000", "--quiet") == ""
+    assert run(CLITOOL, "--steps", "1000").stderr == b"clitool: half way\nclitool: a remark\n"
 
 
 def test_full_standard_output_is_a_failure():
