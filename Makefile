@@ -35,8 +35,8 @@ CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -isys
 CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) -fopenmp -MMD -MP
 CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow -Werror $(SANFLAGS) -MMD -MP
 LDFLAGS    += $(SANFLAGS) -fopenmp -Wl,--as-needed
-LIBS_ILF   := -lOpenEXRCore -lpthread -lm
-LIBS_IMAGE := -lOpenEXRCore -lpng -ljpeg -ltiff -lraw_r -lz -lpthread -lm
+LIBS_ILF   := -lOpenEXRCore -lOpenEXR -lpthread -lm
+LIBS_IMAGE := -lOpenEXRCore -lOpenEXR -lpng -ljpeg -ltiff -lraw_r -lz -lpthread -lm
 
 # ---- programs ------------------------------------------------------------------------------------
 PROGRAMS_ilfmat    := ilfpack ilfinfo ilftrace
