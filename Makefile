@@ -29,8 +29,8 @@ PYTHON     ?= python3
 PREFIX     ?= /usr/local
 OPT        ?= -O2 -g
 WARN       := -Wall -Wextra -Wshadow -Wconversion -Werror
-SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
 , := ,
+SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
 CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
 CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) -fopenmp -MMD -MP
 CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow -Werror $(SANFLAGS) -MMD -MP
