@@ -189,6 +189,8 @@ int job_picture(outcome *o, const settings *s, errmsg *e)
         double fn = s->aperture > 0 ? s->aperture : im.info.f_number;
         int failed = !f || falloff_read(f, s->falloff, src.lens.half, s->falloff_set, fn, e);
         if (!failed) falloff_apply(im.pix, 4, &src, f);
+        if (!failed && f->chosen[0])
+            snprintf(o->remark, sizeof o->remark, "%s: took the set %s; choose with --aperture or --falloff-set", s->falloff, f->chosen);
         free(f);
         if (failed) goto done;
     }
