@@ -133,7 +133,7 @@ $(B0)/man/man1/%: man/%
 	cp $< $@
 
 # ---- the main job, tests, measurements -------------------------------------------------------------
--include scenes/scenes.mk
+-include scenes/scenes.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
 
 TEST_ARGS ?=
 test: all $(VENV)/.packages

@@ -1,0 +1,11 @@
+/* cli_internal.h - what the parts of cli share. */
+#ifndef CLI_INTERNAL_H
+#define CLI_INTERNAL_H
+
+#include "cli.h"
+
+extern const cli_opt cli_builtin[]; /* --quiet --threads --help --version; NULL name ends it */
+const char *cli_name(void);         /* the program's, before ':' in messages */
+void cli_print_help(const cli_prog *prog);
+
+#endif

@@ -1,0 +1,161 @@
+/*
+ * ilf.h - incident light fields: open, validate, evaluate, write.
+ *
+ * An incident light field (ILF) is an n_u x n_v grid of light probes on a plane; each probe is a
+ * latitude/longitude map of the radiance arriving from direction (theta, phi).  Unger, Wenger,
+ * Hawkins, Gardner, Debevec, "Capturing and Rendering With Incident Light Fields" (2003),
+ * section 3 for the parametrisation, 5.1 for the lookup, 5.2 for the depth correction.
+ *
+ *                   n = u x v
+ *                   |    . d          d = sin(phi) cos(theta) u + sin(phi) sin(theta) v + cos(phi) n
+ *                   |phi.               points from the plane towards the light
+ *                   |  .
+ *      origin ------+--------- U      probe (i, j) stands at origin + i/(n_u-1) U + j/(n_v-1) V
+ *            \     theta (from u to v)
+ *             V
+ *
+ * Units: lengths in the scene's unit, angles in radians, radiance in W/sr/m^2 per RGB channel.
+ *
+ * Errors: calls return ILF_OK or an ilf_status; outputs are untouched on failure and the words
+ * go to a caller-owned ilf_error (may be NULL).  The library never prints, exits, or keeps
+ * globals.
+ *
+ * Threads: one ilf may be evaluated from any number of threads at once; opening, closing and
+ * writing belong to one thread.  A forked child may go on using an ilf opened before the fork.
+ */
+#ifndef ILF_H
+#define ILF_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum ilf_status {
+    ILF_OK = 0,
+    ILF_ERR_IO,      /* the system refused to open, read or write */
+    ILF_ERR_FORMAT,  /* the file breaks the format; the words name attribute or probe */
+    ILF_ERR_VALUE,   /* a texel is NaN or infinite; the words name probe and pixel */
+    ILF_ERR_ARG,     /* an argument is out of its range */
+    ILF_ERR_MEMORY,
+    ILF_ERR_CHANGED  /* the file was changed in place while open */
+} ilf_status;
+
+typedef struct ilf_error {
+    ilf_status status;
+    char text[512]; /* one line, no newline, begins with the file's name where there is one */
+} ilf_error;
+
+/* ---- the plane ---------------------------------------------------------------------------- */
+
+/* A light field's place in space.  u, v, n are unit vectors; (u, v, n) is left-handed where the
+ * caller gave a normal opposite to U x V. */
+typedef struct ilf_frame {
+    double origin[3]; /* position of probe (0, 0) */
+    double u[3], v[3], n[3];
+    double len_u, len_v; /* |U|, |V|: edge lengths of the sampled rectangle */
+} ilf_frame;
+
+/* Build a frame from the plane's origin and edge vectors.  normal may be NULL (n = u x v) or
+ * +-(U x V) of any length, which says from which side the light comes.
+ * Fails with ILF_ERR_ARG if a number is not finite, U or V is zero, |U.V| > 1e-4 |U||V|, or the
+ * normal is more than 1e-3 rad off +-(U x V). */
+ilf_status ilf_frame_init(ilf_frame *frame, const double origin[3], const double U[3], const double V[3],
+                          const double *normal, ilf_error *err);
+
+/* ---- the file ----------------------------------------------------------------------------- */
+
+#define ILF_FILE_VERSION 1
+
+typedef enum ilf_type { ILF_HALF, ILF_FLOAT } ilf_type;
+
+typedef struct ilf_info {
+    int n_u, n_v;          /* grid of probes */
+    int n_theta, n_phi;    /* texels of one probe: columns, rows */
+    ilf_type type;         /* texels as stored (mixed channels count as float) */
+    const char *compression; /* OpenEXR's name: "none", "zip", ...; static */
+    float origin[3], U[3], V[3];
+    double polar_max;      /* polar angle at the map's lower edge, (0, pi] */
+    double polar_valid;    /* beyond it lookups hold the value at it; <= polar_max */
+    int64_t file_bytes;
+} ilf_info;
+
+typedef struct ilf ilf; /* an open light field */
+
+/* Open and validate a light field.  Reads the header and the table of tiles, no probe.
+ * The handle is owned by the caller until ilf_close. */
+ilf_status ilf_open(ilf **field, const char *path, ilf_error *err);
+void ilf_close(ilf *field); /* NULL allowed */
+
+const ilf_info *ilf_get_info(const ilf *field);   /* owned by field */
+const ilf_frame *ilf_get_frame(const ilf *field); /* the header's plane; owned by field */
+const char *ilf_get_path(const ilf *field);       /* as given to ilf_open */
+
+/* What has been used so far.  Probes come in when a lookup first needs them. */
+typedef struct ilf_usage {
+    int64_t probes;         /* touched */
+    int64_t mapped_bytes;   /* of them, used in place in the file: shared between processes */
+    int64_t decoded_bytes;  /* of them, decompressed into this process's memory */
+} ilf_usage;
+void ilf_get_usage(ilf_usage *usage, const ilf *field);
+
+/* One probe's texels as float, n_phi*n_theta*3, row-major from phi = 0, R G B interleaved. */
+ilf_status ilf_read_probe(float *rgb, const ilf *field, int i, int j, ilf_error *err);
+
+/* ---- lookup (sections 5.1 and 5.2 of the paper) --------------------------------------------- */
+
+/* Where the four probes around the back-traced point are looked up. */
+typedef enum ilf_mode {
+    ILF_NO_DEPTH, /* all in the ray's direction */
+    ILF_DEPTH     /* each towards the point where the ray met the auxiliary geometry */
+} ilf_mode;
+
+/* Radiance that arrives along a ray.
+ *   rgb        out: radiance of R, G, B
+ *   frame      where the light field lies (ilf_get_frame, or a frame of the caller's)
+ *   origin     ray's origin; used only when hit is NULL
+ *   dir        direction towards the light, any length > 0
+ *   hit        where the ray meets the auxiliary geometry; NULL when that is at infinity:
+ *              the ray is then traced back from its own origin, without depth correction
+ * Rays with dir.n <= 0 give 0.  The result is finite for every finite ray.  If hit falls on a
+ * probe's own position, that probe is looked up in direction dir.
+ * Fails if dir is zero, a coordinate is not finite, or a probe can't be read. */
+ilf_status ilf_eval(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3],
+                    const double dir[3], const double *hit, ilf_mode mode, ilf_error *err);
+
+/* ---- writing ------------------------------------------------------------------------------ */
+
+typedef struct ilf_spec {
+    int n_u, n_v, n_theta, n_phi; /* all >= 1 */
+    double origin[3], U[3], V[3];
+    double polar_max;             /* (0, pi] */
+    double polar_valid;           /* 0: none stated */
+    ilf_type type;
+    const char *compression;      /* none rle zips zip piz pxr24 b44 b44a dwaa dwab */
+    const char *comments;         /* or NULL */
+    const char *owner;            /* or NULL */
+    const char *cap_date;         /* "YYYY:MM:DD HH:MM:SS" or NULL */
+    double white_luminance;       /* cd/m^2 of RGB (1,1,1); 0: none stated */
+} ilf_spec;
+
+typedef struct ilf_writer ilf_writer;
+
+/* Begin a file at path (written in place: give a temporary name and rename it after
+ * ilf_writer_close).  The spec is checked as ilf_open would. */
+ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec *spec, ilf_error *err);
+
+/* Add the next probe, in i-fastest order: n_phi*n_theta*3 floats as in ilf_read_probe.
+ * NaN and infinite texels, and texels beyond 65504 for ILF_HALF, are refused and named. */
+ilf_status ilf_writer_probe(ilf_writer *writer, const float *rgb, ilf_error *err);
+
+/* Finish; fails if probes are missing.  Frees the writer in every case. */
+ilf_status ilf_writer_close(ilf_writer *writer, ilf_error *err);
+void ilf_writer_abort(ilf_writer *writer); /* NULL allowed; the unfinished file stays for the caller to remove */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

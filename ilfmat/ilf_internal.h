@@ -1,0 +1,105 @@
+/*
+ * ilf_internal.h - what libilf's files share.
+ */
+#ifndef ILF_INTERNAL_H
+#define ILF_INTERNAL_H
+
+#include <math.h>
+#include <openexr.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdint.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+
+#include "ilf.h"
+
+#define ILF_PI 3.14159265358979323846
+
+/* Largest probe and grid that are accepted: sizes are checked against these before anything
+ * is multiplied or taken from memory. */
+#define ILF_MAX_SIDE 65536
+#define ILF_MAX_PROBE_BYTES ((int64_t)1 << 30)
+
+/* One probe.  Texel (x, y), channel c begins at
+ *     pix + y*row_bytes + chan_offset[c] + x*texel_bytes
+ * whether pix points into the mapped file or to decoded memory: both keep OpenEXR's order,
+ * for each row all B, then all G, then all R. */
+enum { PROBE_UNREAD = 0, PROBE_READY = 1 };
+typedef struct probe {
+    atomic_int state;
+    const unsigned char *pix;
+    void *decoded;  /* owned memory, or NULL when pix points into the file */
+    float pole[2][3]; /* means of the first and the last row: the values at the poles */
+} probe;
+
+struct ilf {
+    ilf_info info;
+    ilf_frame frame;
+    char *path;
+    exr_context_t exr;
+    int fd;
+    struct stat st;       /* as opened, to notice a change in place */
+    const unsigned char *map; /* whole file, read-only; NULL if it can't be mapped */
+    int full_sphere;      /* polar_max is pi: the last row has a pole too */
+    int is_half;          /* texels in memory */
+    size_t texel_bytes, row_bytes, probe_bytes;
+    size_t chan_offset[3];
+    int uniform;          /* all channels of one type: raw tiles can be used in place */
+    probe *probes;        /* n_u*n_v, i fastest */
+    pthread_mutex_t lock; /* held while a probe is read */
+    ilf_usage usage;      /* under lock */
+    ilf_error exr_words;  /* OpenEXR's own words, under lock */
+};
+
+/* Fill err (may be NULL) and return status.  Control characters become '?'. */
+ilf_status ilf_fail(ilf_error *err, ilf_status status, const char *fmt, ...)
+    __attribute__((format(printf, 3, 4)));
+
+/* Rules of the header that reader and writer share; path names the file in the words. */
+ilf_status ilf_check_polar(double polar_max, double polar_valid, const char *path, ilf_error *err);
+ilf_status ilf_check_plane(ilf_frame *frame, const double origin[3], const double U[3], const double V[3],
+                           const char *path, ilf_error *err);
+int ilf_is_full_sphere(double polar_max);
+
+/* The names of OpenEXR's compressions, by exr_compression_t; NULL-terminated. */
+extern const char *const ilf_compression_names[];
+
+/* Make probe k ready (ilf_probe.c).  Cheap when it is. */
+ilf_status ilf_load_probe(const ilf *field, int64_t k, ilf_error *err);
+
+static inline ilf_status ilf_need_probe(const ilf *f, int64_t k, ilf_error *err)
+{
+    if (atomic_load_explicit(&f->probes[k].state, memory_order_acquire) == PROBE_READY) return ILF_OK;
+    return ilf_load_probe(f, k, err);
+}
+
+/* IEEE 754 binary16 -> binary32, exact, denormals included. */
+static inline float ilf_half_to_float(uint16_t h)
+{
+    const uint32_t sign = (uint32_t)(h & 0x8000u) << 16;
+    union {
+        uint32_t u;
+        float f;
+    } v = {.u = (uint32_t)(h & 0x7fffu) << 13};
+
+    v.f *= 0x1p112f; /* the exponents' biases differ by 112 */
+    v.u |= sign;
+    return v.f;
+}
+
+/* Any byte alignment: tiles in a mapped file may begin anywhere. */
+static inline float ilf_texel(const ilf *f, const unsigned char *p)
+{
+    if (f->is_half) {
+        uint16_t h;
+        memcpy(&h, p, sizeof h);
+        return ilf_half_to_float(h);
+    }
+    float v;
+    memcpy(&v, p, sizeof v);
+    return v;
+}
+
+#endif

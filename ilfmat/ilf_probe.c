@@ -1,0 +1,156 @@
+/*
+ * ilf_probe.c - bring in one probe, on the first lookup that needs it.
+ *
+ * A tile that lies uncompressed in the file is used where it is, in the mapped file: several
+ * processes then share one copy, and a render's memory is the probes that it touches.  Any other
+ * tile is decoded into memory of the same layout.  Either way the texels are checked once.
+ */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "ilf_internal.h"
+
+/* Where texel bytes say NaN or infinity: all exponent bits set. */
+static int64_t first_bad(const unsigned char *pix, size_t bytes, int is_half)
+{
+    if (is_half) {
+        for (size_t k = 0; k < bytes; k += 2) {
+            uint16_t h;
+            memcpy(&h, pix + k, sizeof h);
+            if ((h & 0x7c00u) == 0x7c00u) return (int64_t)k;
+        }
+    } else {
+        for (size_t k = 0; k < bytes; k += 4) {
+            uint32_t v;
+            memcpy(&v, pix + k, sizeof v);
+            if ((v & 0x7f800000u) == 0x7f800000u) return (int64_t)k;
+        }
+    }
+    return -1;
+}
+
+/* Mean of a row: what the value tends to at the pole beside it. */
+static void row_mean(float mean[3], const ilf *f, const unsigned char *row)
+{
+    for (int c = 0; c < 3; c++) {
+        double sum = 0;
+        for (int x = 0; x < f->info.n_theta; x++)
+            sum += (double)ilf_texel(f, row + f->chan_offset[c] + (size_t)x * f->texel_bytes);
+        mean[c] = (float)(sum / f->info.n_theta);
+    }
+}
+
+static ilf_status decode(ilf *f, const exr_chunk_info_t *chunk, unsigned char *pix, const char *where, ilf_error *err)
+{
+    exr_decode_pipeline_t d = EXR_DECODE_PIPELINE_INITIALIZER;
+    exr_result_t r = exr_decoding_initialize(f->exr, 0, chunk, &d);
+
+    if (r == EXR_ERR_SUCCESS) {
+        for (int c = 0; c < d.channel_count; c++) {
+            exr_coding_channel_info_t *ch = &d.channels[c];
+            const int k = ch->channel_name[0] == 'R' ? 0 : ch->channel_name[0] == 'G' ? 1 : 2;
+
+            ch->decode_to_ptr = pix + f->chan_offset[k];
+            ch->user_bytes_per_element = (int16_t)f->texel_bytes;
+            ch->user_data_type = f->is_half ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT;
+            ch->user_pixel_stride = (int32_t)f->texel_bytes;
+            ch->user_line_stride = (int32_t)f->row_bytes;
+        }
+        r = exr_decoding_choose_default_routines(f->exr, 0, &d);
+        if (r == EXR_ERR_SUCCESS) r = exr_decoding_run(f->exr, 0, &d);
+    }
+    exr_decoding_destroy(f->exr, &d);
+    if (r == EXR_ERR_SUCCESS) return ILF_OK;
+    return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected a whole tile, found: %s", f->path, where,
+                    f->exr_words.text[0] ? f->exr_words.text : exr_get_default_error_message(r));
+}
+
+/* The file must be the one that was opened: replaced by rename it still is (the old file lives on
+ * while it is open), written in place it is not. */
+static ilf_status check_unchanged(const ilf *f, ilf_error *err)
+{
+    struct stat st;
+
+    if (fstat(f->fd, &st) != 0) return ilf_fail(err, ILF_ERR_IO, "%s: %s", f->path, strerror(errno));
+    if (st.st_size != f->st.st_size || st.st_mtim.tv_sec != f->st.st_mtim.tv_sec ||
+        st.st_mtim.tv_nsec != f->st.st_mtim.tv_nsec)
+        return ilf_fail(err, ILF_ERR_CHANGED, "%s: expected the file as it was opened, found it changed", f->path);
+    return ILF_OK;
+}
+
+static ilf_status bring_in(ilf *f, int64_t k, ilf_error *err)
+{
+    const int i = (int)(k % f->info.n_u), j = (int)(k / f->info.n_u);
+    probe *p = &f->probes[k];
+    exr_chunk_info_t chunk;
+    char where[64];
+    ilf_status st = check_unchanged(f, err);
+
+    if (st != ILF_OK) return st;
+    f->exr_words.text[0] = 0;
+    (void)!snprintf(where, sizeof where, "probe (%d,%d)", i, j);
+    const exr_result_t r = exr_read_tile_chunk_info(f->exr, 0, i, j, 0, 0, &chunk);
+    if (r != EXR_ERR_SUCCESS)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected a tile, found: %s", f->path, where,
+                        f->exr_words.text[0] ? f->exr_words.text : exr_get_default_error_message(r));
+    if (chunk.unpacked_size == 0 || chunk.data_offset > (uint64_t)f->info.file_bytes ||
+        chunk.packed_size > (uint64_t)f->info.file_bytes - chunk.data_offset)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected a tile inside the file, found it truncated", f->path, where);
+
+    const unsigned char *pix;
+    void *decoded = NULL;
+    if (f->map && f->uniform && chunk.packed_size == f->probe_bytes && chunk.unpacked_size == f->probe_bytes)
+        pix = f->map + chunk.data_offset;
+    else {
+        if (!(decoded = malloc(f->probe_bytes)))
+            return ilf_fail(err, ILF_ERR_MEMORY, "%s: %s: no memory for %zu bytes", f->path, where, f->probe_bytes);
+        if ((st = decode(f, &chunk, decoded, where, err)) != ILF_OK) {
+            free(decoded);
+            return st;
+        }
+        pix = decoded;
+    }
+    const int64_t bad = first_bad(pix, f->probe_bytes, f->is_half);
+    if (bad >= 0) {
+        const size_t y = (size_t)bad / f->row_bytes, rest = (size_t)bad % f->row_bytes / f->texel_bytes;
+        free(decoded);
+        return ilf_fail(err, ILF_ERR_VALUE, "%s: %s, pixel (%zu,%zu): expected a finite value, found NaN or infinity",
+                        f->path, where, rest % (size_t)f->info.n_theta, y);
+    }
+    p->pix = pix;
+    p->decoded = decoded;
+    row_mean(p->pole[0], f, pix);
+    row_mean(p->pole[1], f, pix + (size_t)(f->info.n_phi - 1) * f->row_bytes);
+    f->usage.probes++;
+    *(decoded ? &f->usage.decoded_bytes : &f->usage.mapped_bytes) += (int64_t)f->probe_bytes;
+    atomic_store_explicit(&p->state, PROBE_READY, memory_order_release);
+    return ILF_OK;
+}
+
+ilf_status ilf_load_probe(const ilf *field, int64_t k, ilf_error *err)
+{
+    /* the field's meaning does not change by being read, so lookups take it const */
+    ilf *f = (ilf *)(uintptr_t)field;
+    ilf_status st = ILF_OK;
+
+    pthread_mutex_lock(&f->lock);
+    if (atomic_load_explicit(&f->probes[k].state, memory_order_relaxed) != PROBE_READY) st = bring_in(f, k, err);
+    pthread_mutex_unlock(&f->lock);
+    return st;
+}
+
+ilf_status ilf_read_probe(float *rgb, const ilf *f, int i, int j, ilf_error *err)
+{
+    if (i < 0 || j < 0 || i >= f->info.n_u || j >= f->info.n_v)
+        return ilf_fail(err, ILF_ERR_ARG, "%s: probe (%d,%d): expected one of %dx%d", f->path, i, j, f->info.n_u, f->info.n_v);
+    const int64_t k = (int64_t)j * f->info.n_u + i;
+    const ilf_status st = ilf_need_probe(f, k, err);
+    if (st != ILF_OK) return st;
+    for (int y = 0; y < f->info.n_phi; y++)
+        for (int x = 0; x < f->info.n_theta; x++)
+            for (int c = 0; c < 3; c++)
+                *rgb++ = ilf_texel(f, f->probes[k].pix + (size_t)y * f->row_bytes + f->chan_offset[c] +
+                                          (size_t)x * f->texel_bytes);
+    return ILF_OK;
+}

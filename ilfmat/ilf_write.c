@@ -1,0 +1,227 @@
+/*
+ * ilf_write.c - write an incident light field file, version 1 (format: ilf_file.c).
+ */
+#include <stdlib.h>
+
+#include "ilf_internal.h"
+
+struct ilf_writer {
+    exr_context_t exr;
+    char *path;
+    ilf_spec spec;
+    int64_t next;     /* probe to come */
+    uint16_t *half;   /* one probe, when the file holds halves */
+    ilf_error words;  /* OpenEXR's own */
+};
+
+static void keep_words(exr_const_context_t ctxt, exr_result_t code, const char *msg)
+{
+    void *user = NULL;
+
+    if (!ctxt || exr_get_user_data(ctxt, &user) != EXR_ERR_SUCCESS || !user) return;
+    ilf_writer *w = user;
+    if (!w->words.text[0]) ilf_fail(&w->words, ILF_ERR_IO, "%s", msg ? msg : exr_get_default_error_message(code));
+}
+
+static ilf_status failed(const ilf_writer *w, exr_result_t r, ilf_error *err)
+{
+    return ilf_fail(err, ILF_ERR_IO, "%s: can't be written: %s", w->path,
+                    w->words.text[0] ? w->words.text : exr_get_default_error_message(r));
+}
+
+/* binary32 -> binary16, round to nearest even; |v| <= 65504 (checked by the caller). */
+static uint16_t to_half(float v)
+{
+    union {
+        float f;
+        uint32_t u;
+    } x = {.f = v};
+    const uint16_t sign = (uint16_t)(x.u >> 16 & 0x8000u);
+
+    x.u &= 0x7fffffffu;
+    if (x.u < 0x38800000u) { /* below 2^-14: a denormal half is a multiple of 2^-24 */
+        x.f = rintf(x.f * 0x1p24f);
+        return (uint16_t)(sign | (uint16_t)x.f);
+    }
+    const uint32_t rounded = x.u + 0x0fffu + (x.u >> 13 & 1u);
+    return (uint16_t)(sign | ((rounded - 0x38000000u) >> 13));
+}
+
+static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compression_t *compression, ilf_error *err)
+{
+    ilf_frame frame;
+    const int sides[4] = {s->n_u, s->n_v, s->n_theta, s->n_phi};
+    const char *name = s->compression ? s->compression : "none";
+    int k = 0;
+
+    for (int c = 0; c < 4; c++)
+        if (sides[c] < 1 || sides[c] > ILF_MAX_SIDE)
+            return ilf_fail(err, ILF_ERR_ARG, "%s: expected grid and probe sizes from 1 to %d, found %d", path,
+                            ILF_MAX_SIDE, sides[c]);
+    const int64_t w = (int64_t)s->n_u * s->n_theta, h = (int64_t)s->n_v * s->n_phi;
+    if (w > INT32_MAX / 2 || h > INT32_MAX / 2 || (int64_t)s->n_theta * s->n_phi > ILF_MAX_PROBE_BYTES / 12)
+        return ilf_fail(err, ILF_ERR_ARG, "%s: %dx%d probes of %dx%d texels are more than a file can hold", path, s->n_u,
+                        s->n_v, s->n_theta, s->n_phi);
+    while (ilf_compression_names[k] && strcmp(ilf_compression_names[k], name) != 0) k++;
+    if (!ilf_compression_names[k])
+        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: expected none, rle, zips, zip, piz, pxr24, b44, b44a, dwaa or dwab, "
+                        "found %s", path, name);
+    *compression = (exr_compression_t)k;
+    ilf_status st = ilf_check_polar(s->polar_max, s->polar_valid > 0 ? s->polar_valid : s->polar_max, path, err);
+    if (st == ILF_OK) st = ilf_check_plane(&frame, s->origin, s->U, s->V, path, err);
+    for (int c = 0; c < 3 && st == ILF_OK; c++)
+        if (!isfinite((float)s->origin[c]) || !isfinite((float)s->U[c]) || !isfinite((float)s->V[c]))
+            st = ilf_fail(err, ILF_ERR_ARG, "%s: plane: expected numbers within float's range", path);
+    return st;
+}
+
+static exr_result_t set_vector(exr_context_t x, const char *name, const double v[3])
+{
+    const exr_attr_v3f_t a = {{{(float)v[0], (float)v[1], (float)v[2]}}};
+
+    return exr_attr_set_v3f(x, 0, name, &a);
+}
+
+static exr_result_t write_header(ilf_writer *w, exr_compression_t compression)
+{
+    const ilf_spec *s = &w->spec;
+    const exr_pixel_type_t type = s->type == ILF_HALF ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT;
+    const exr_attr_box2i_t window = {{{{0, 0}}}, {{{s->n_u * s->n_theta - 1, s->n_v * s->n_phi - 1}}}};
+    const exr_attr_v2f_t centre = {{{0, 0}}};
+    exr_context_t x = w->exr;
+    exr_result_t r;
+    int part;
+
+#define TRY(call) \
+    if ((r = (call)) != EXR_ERR_SUCCESS) return r
+    TRY(exr_add_part(x, "probes", EXR_STORAGE_TILED, &part));
+    TRY(exr_initialize_required_attr(x, 0, &window, &window, 1.f, &centre, 1.f, EXR_LINEORDER_INCREASING_Y, compression));
+    TRY(exr_set_tile_descriptor(x, 0, (uint32_t)s->n_theta, (uint32_t)s->n_phi, EXR_TILE_ONE_LEVEL, EXR_TILE_ROUND_DOWN));
+    TRY(exr_add_channel(x, 0, "B", type, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1));
+    TRY(exr_add_channel(x, 0, "G", type, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1));
+    TRY(exr_add_channel(x, 0, "R", type, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1));
+    TRY(exr_attr_set_int(x, 0, "ilf:version", ILF_FILE_VERSION));
+    TRY(set_vector(x, "ilf:origin", s->origin));
+    TRY(set_vector(x, "ilf:U", s->U));
+    TRY(set_vector(x, "ilf:V", s->V));
+    TRY(exr_attr_set_float(x, 0, "ilf:polarMax", (float)s->polar_max));
+    if (s->polar_valid > 0) TRY(exr_attr_set_float(x, 0, "ilf:polarValid", (float)s->polar_valid));
+    if (s->white_luminance > 0) TRY(exr_attr_set_float(x, 0, "whiteLuminance", (float)s->white_luminance));
+    if (s->comments) TRY(exr_attr_set_string(x, 0, "comments", s->comments));
+    if (s->owner) TRY(exr_attr_set_string(x, 0, "owner", s->owner));
+    if (s->cap_date) TRY(exr_attr_set_string(x, 0, "capDate", s->cap_date));
+    TRY(exr_write_header(x));
+#undef TRY
+    return EXR_ERR_SUCCESS;
+}
+
+ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec *spec, ilf_error *err)
+{
+    exr_compression_t compression = EXR_COMPRESSION_NONE;
+    const ilf_status st = check_spec(path, spec, &compression, err);
+
+    if (st != ILF_OK) return st;
+    ilf_writer *w = calloc(1, sizeof *w);
+    if (!w || !(w->path = strdup(path)) ||
+        (spec->type == ILF_HALF && !(w->half = malloc((size_t)spec->n_theta * (size_t)spec->n_phi * 6)))) {
+        ilf_writer_abort(w);
+        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory", path);
+    }
+    w->spec = *spec;
+    exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
+    init.user_data = w;
+    init.error_handler_fn = keep_words;
+    exr_result_t r = exr_start_write(&w->exr, path, EXR_WRITE_FILE_DIRECTLY, &init);
+    if (r != EXR_ERR_SUCCESS)
+        w->exr = NULL;
+    else
+        r = write_header(w, compression);
+    if (r != EXR_ERR_SUCCESS) {
+        const ilf_status bad = failed(w, r, err);
+        ilf_writer_abort(w);
+        return bad;
+    }
+    *writer = w;
+    return ILF_OK;
+}
+
+/* Refuse what a file must not hold; fill w->half where the file holds halves. */
+static ilf_status take_texels(ilf_writer *w, const float *rgb, int i, int j, ilf_error *err)
+{
+    const size_t n = (size_t)w->spec.n_theta * (size_t)w->spec.n_phi * 3;
+
+    for (size_t k = 0; k < n; k++) {
+        const size_t x = k / 3 % (size_t)w->spec.n_theta, y = k / 3 / (size_t)w->spec.n_theta;
+        if (!isfinite(rgb[k]))
+            return ilf_fail(err, ILF_ERR_VALUE, "%s: probe (%d,%d), pixel (%zu,%zu): expected a finite value, found %g",
+                            w->path, i, j, x, y, (double)rgb[k]);
+        if (w->half) {
+            if (fabsf(rgb[k]) > 65504.f)
+                return ilf_fail(err, ILF_ERR_VALUE,
+                                "%s: probe (%d,%d), pixel (%zu,%zu): expected a value that a half holds (65504), found %g",
+                                w->path, i, j, x, y, (double)rgb[k]);
+            w->half[k] = to_half(rgb[k]);
+        }
+    }
+    return ILF_OK;
+}
+
+ilf_status ilf_writer_probe(ilf_writer *w, const float *rgb, ilf_error *err)
+{
+    const int i = (int)(w->next % w->spec.n_u), j = (int)(w->next / w->spec.n_u);
+    const int bytes = w->half ? 2 : 4;
+    exr_encode_pipeline_t e = EXR_ENCODE_PIPELINE_INITIALIZER;
+    exr_chunk_info_t chunk;
+
+    if (j >= w->spec.n_v)
+        return ilf_fail(err, ILF_ERR_ARG, "%s: expected %dx%d probes, found more", w->path, w->spec.n_u, w->spec.n_v);
+    const ilf_status st = take_texels(w, rgb, i, j, err);
+    if (st != ILF_OK) return st;
+    const unsigned char *from = w->half ? (const unsigned char *)w->half : (const unsigned char *)rgb;
+
+    exr_result_t r = exr_write_tile_chunk_info(w->exr, 0, i, j, 0, 0, &chunk);
+    if (r == EXR_ERR_SUCCESS) r = exr_encoding_initialize(w->exr, 0, &chunk, &e);
+    if (r == EXR_ERR_SUCCESS) {
+        for (int c = 0; c < e.channel_count; c++) {
+            exr_coding_channel_info_t *ch = &e.channels[c];
+            const int k = ch->channel_name[0] == 'R' ? 0 : ch->channel_name[0] == 'G' ? 1 : 2;
+
+            ch->encode_from_ptr = from + k * bytes;
+            ch->user_bytes_per_element = (int16_t)bytes;
+            ch->user_data_type = w->half ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT;
+            ch->user_pixel_stride = 3 * bytes;
+            ch->user_line_stride = 3 * bytes * w->spec.n_theta;
+        }
+        r = exr_encoding_choose_default_routines(w->exr, 0, &e);
+        if (r == EXR_ERR_SUCCESS) r = exr_encoding_run(w->exr, 0, &e);
+        exr_encoding_destroy(w->exr, &e);
+    }
+    if (r != EXR_ERR_SUCCESS) return failed(w, r, err);
+    w->next++;
+    return ILF_OK;
+}
+
+ilf_status ilf_writer_close(ilf_writer *w, ilf_error *err)
+{
+    ilf_status st = ILF_OK;
+
+    if (w->next < (int64_t)w->spec.n_u * w->spec.n_v)
+        st = ilf_fail(err, ILF_ERR_ARG, "%s: expected %lld probes, found %lld", w->path,
+                      (long long)w->spec.n_u * w->spec.n_v, (long long)w->next);
+    else {
+        const exr_result_t r = exr_finish(&w->exr);
+        w->exr = NULL;
+        if (r != EXR_ERR_SUCCESS) st = failed(w, r, err);
+    }
+    ilf_writer_abort(w);
+    return st;
+}
+
+void ilf_writer_abort(ilf_writer *w)
+{
+    if (!w) return;
+    if (w->exr) exr_finish(&w->exr);
+    free(w->half);
+    free(w->path);
+    free(w);
+}

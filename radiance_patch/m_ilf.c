@@ -1,0 +1,232 @@
+/*
+ * Shading function for incident light fields
+ */
+
+#include "copyright.h"
+
+#include  "ray.h"
+#include  "otypes.h"
+#include  "rtotypes.h"
+#include  "source.h"
+#include  "paths.h"
+#include  "pmap.h"
+#include  "ilfsrc.h"
+#include  "ilf.h"
+
+/*
+ *	Arguments for an incident light field are:
+ *
+ *  1+ file.ilf.exr [depth|nodepth]
+ *  0
+ *  0
+ *
+ *	or, to place the light field's plane in the scene:
+ *
+ *  9  Ox Oy Oz  Ux Uy Uz  Vx Vy Vz
+ *  12 Ox Oy Oz  Ux Uy Uz  Vx Vy Vz  Nx Ny Nz
+ *
+ *  The file is found along RAYPATH.  O is the corner of the sampled
+ *  rectangle and U, V its edges, in place of what the file's header
+ *  says; N, along plus or minus U x V, says on which side the light is.
+ *
+ *  The material goes on auxiliary geometry, which has no look of its
+ *  own:  a ray that meets it sees what the light field holds for that
+ *  ray.  With "depth" (the default) the geometry stands for the surfaces
+ *  that the light came from, and the four probes around the ray are each
+ *  looked up towards the point that was met; with "nodepth" they are
+ *  looked up in the ray's direction.  On a source, which is infinitely
+ *  far away, the two are the same.  The surface's orientation does not
+ *  matter.  A pattern multiplies the value.
+ *
+ *  The light field itself is in libilf (ilf.h).  All that happens here
+ *  is translation:  arguments to handle, world to the plane's space,
+ *  error to objerror().
+ */
+
+typedef struct ilffile {
+	char  *path;			/* file path as found */
+	ilf  *field;			/* open light field */
+	int  nused;			/* number of materials using it */
+	struct ilffile  *next;
+}  ILFFILE;			/* an open file, shared by materials */
+
+typedef struct ilfmat {
+	ILFFILE  *file;			/* our file */
+	ilf_frame  frame;		/* plane in the material's space */
+	ilf_mode  mode;			/* depth correction */
+}  ILFMAT;			/* a material's light field */
+
+int  ilfsamp = 0;			/* samples per point */
+
+static ILFFILE  *ilflist = NULL;	/* open files */
+
+
+static ILFFILE *
+openilf(			/* get light field file for material */
+	OBJREC  *m
+)
+{
+	char  *path = getpath(m->oargs.sarg[0], getrlibpath(), R_OK);
+	ilf_error  err;
+	ILFFILE  *fp;
+
+	if (path == NULL) {
+		sprintf(errmsg, "cannot find light field \"%.256s\"",
+				m->oargs.sarg[0]);
+		objerror(m, USER, errmsg);
+	}
+	for (fp = ilflist; fp != NULL; fp = fp->next)
+		if (!strcmp(fp->path, path)) {
+			fp->nused++;
+			return(fp);
+		}
+	fp = (ILFFILE *)malloc(sizeof(ILFFILE));
+	if (fp == NULL)
+		goto memerr;
+	if (ilf_open(&fp->field, path, &err) != ILF_OK)
+		objerror(m, USER, err.text);
+	fp->path = savqstr(path);
+	fp->nused = 1;
+	fp->next = ilflist;
+	return(ilflist = fp);
+memerr:
+	error(SYSTEM, "out of memory in openilf");
+	return NULL; /* pro forma return */
+}
+
+
+struct ilfmat *
+getilf(				/* get (open) material's light field */
+	OBJREC  *m
+)
+{
+	ILFMAT  *ip;
+	ilf_error  err;
+	RREAL  *fa;
+
+	if ((ip = (ILFMAT *)m->os) != NULL)
+		return(ip);
+					/* check arguments */
+	if ((m->oargs.nsargs < 1) | (m->oargs.nsargs > 2))
+		objerror(m, USER,
+			"expected string arguments: file [depth|nodepth]");
+	if ((m->oargs.nfargs != 0) & (m->oargs.nfargs != 9) &
+			(m->oargs.nfargs != 12))
+		objerror(m, USER,
+			"expected 0, 9 or 12 real arguments (O U V [N])");
+	ip = (ILFMAT *)malloc(sizeof(ILFMAT));
+	if (ip == NULL)
+		error(SYSTEM, "out of memory in getilf");
+	ip->mode = ILF_DEPTH;
+	if (m->oargs.nsargs > 1) {
+		if (!strcmp(m->oargs.sarg[1], "nodepth"))
+			ip->mode = ILF_NO_DEPTH;
+		else if (strcmp(m->oargs.sarg[1], "depth"))
+			objerror(m, USER,
+		"expected \"depth\" or \"nodepth\" as second argument");
+	}
+	ip->file = openilf(m);
+	ip->frame = *ilf_get_frame(ip->file->field);
+	fa = m->oargs.farg;
+	if (m->oargs.nfargs && ilf_frame_init(&ip->frame, fa, fa+3, fa+6,
+			m->oargs.nfargs == 12 ? fa+9 : NULL, &err) != ILF_OK)
+		objerror(m, USER, err.text);
+	return((ILFMAT *)(m->os = (char *)ip));
+}
+
+
+void
+freeilf(			/* free material's light field */
+	OBJREC  *m
+)
+{
+	ILFMAT  *ip = (ILFMAT *)m->os;
+	ILFFILE  **fpp;
+
+	if (ip == NULL)
+		return;
+	if (!--ip->file->nused)		/* last user closes file */
+		for (fpp = &ilflist; *fpp != NULL; fpp = &(*fpp)->next)
+			if (*fpp == ip->file) {
+				*fpp = ip->file->next;
+				ilf_close(ip->file->field);
+				freeqstr(ip->file->path);
+				free((void *)ip->file);
+				break;
+			}
+	free((void *)ip);
+	m->os = NULL;
+}
+
+
+void
+markilf(			/* note surface made of light field */
+	OBJREC  *o,
+	OBJREC  *m
+)
+{
+	static int  warned = 0;
+	int  ns;
+
+	if (photonMapping && !warned++)
+		objerror(m, WARNING, "no photons come from a light field");
+	if (o->otype != OBJ_SOURCE)
+		return;
+	if ((ns = newsource()) < 0)
+		error(SYSTEM, "out of memory in markilf");
+	setsource(&source[ns], o);	/* sourcehit() must find it, but */
+	source[ns].sflags |= SSKIP;	/* it isn't sampled as a source */
+}
+
+
+void
+ilfreport(void)			/* print what light fields were used */
+{
+	ILFFILE  *fp;
+	ilf_usage  use;
+	const ilf_info  *ii;
+
+	for (fp = ilflist; fp != NULL; fp = fp->next) {
+		ilf_get_usage(&use, fp->field);
+		ii = ilf_get_info(fp->field);
+		sprintf(errmsg,
+	"%.256s: %ld of %ld probes used, %.1f MB in place, %.1f MB decoded\n",
+				fp->path, (long)use.probes,
+				(long)ii->n_u*ii->n_v,
+				use.mapped_bytes*1e-6, use.decoded_bytes*1e-6);
+		eputs(errmsg);
+	}
+}
+
+
+int
+m_ilf(				/* ray met auxiliary geometry */
+	OBJREC  *m,
+	RAY  *r
+)
+{
+	ILFMAT  *ip = getilf(m);
+	RREAL  *org = r->rorg, *dir = r->rdir, *hit = r->rop;
+	FVECT  lorg, ldir, lhit;
+	float  rgb[3];
+	ilf_error  err;
+					/* sources are sampled elsewhere */
+	if (r->crtype & SHADOW)
+		return(1);
+	if (r->rox != NULL) {		/* into the instance's space */
+		multp3(lorg, org, r->rox->b.xfm);
+		multv3(ldir, dir, r->rox->b.xfm);
+		multp3(lhit, hit, r->rox->b.xfm);
+		org = lorg; dir = ldir; hit = lhit;
+	}
+	if (r->ro->otype == OBJ_SOURCE)
+		hit = NULL;		/* infinitely far away */
+	if (ilf_eval(rgb, ip->file->field, &ip->frame, org, dir, hit,
+			ip->mode, &err) != ILF_OK)
+		objerror(m, USER, err.text);
+					/* modify value */
+	raytexture(r, m->omod);
+	setcolor(r->rcol, rgb[0], rgb[1], rgb[2]);
+	multcolor(r->rcol, r->pcol);
+	return(1);
+}
