@@ -4,13 +4,14 @@
 #   make demo         the main job            make test         the tests
 #
 # One folder, one rule: tools/X/*.c are X's parts, archived together; a file there that is named
-# in PROGRAMS_X holds a main().  SAN=1 builds everything of ours with ASan and UBSan in build/san/.
+# in PROGRAMS_X holds a main().  V=1 shows the compiler's command lines; SAN=1 builds everything of ours with ASan and UBSan in build/san/.
 
 SHELL      := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DELETE_ON_ERROR:
 .SECONDARY:
 MAKEFLAGS  += --no-builtin-rules
+Q          := $(if $(V),,@)
 
 VERSION    := 0.1.0
 TOP        := $(CURDIR)
@@ -34,8 +35,8 @@ CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -isys
 CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) -fopenmp -MMD -MP
 CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow -Werror $(SANFLAGS) -MMD -MP
 LDFLAGS    += $(SANFLAGS) -fopenmp -Wl,--as-needed
-LIBS_ILF   := -lOpenEXRCore -lpthread -lm
-LIBS_IMAGE := -lOpenEXRCore -lpng -ljpeg -ltiff -lraw_r -lz -lpthread -lm
+LIBS_ILF   := -lOpenEXRCore -lOpenEXR -lpthread -lm
+LIBS_IMAGE := -lOpenEXRCore -lOpenEXR -lpng -ljpeg -ltiff -lraw_r -lz -lpthread -lm
 
 # ---- programs ------------------------------------------------------------------------------------
 PROGRAMS_ilfmat    := ilfpack ilfinfo ilftrace
@@ -87,38 +88,43 @@ LIBCOMMON  := $(B)/obj/libcommon.a
 
 $(B)/obj/%.o: %.c | $(B0)/.debs-tools
 	@mkdir -p $(@D)
-	$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
+	@echo "  CC  $<"
+	$(Q)$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
 $(B)/obj/%.o: %.cpp | $(B0)/.debs-tools
 	@mkdir -p $(@D)
-	$(CXX) $(CPPFLAGS) -isystem /usr/include/opencv4 $(CXXFLAGS) -c -o $@ $<
+	@echo "  CXX $<"
+	$(Q)$(CXX) $(CPPFLAGS) -isystem /usr/include/opencv4 $(CXXFLAGS) -c -o $@ $<
 # libilf is all that rendering needs
 $(B)/obj/ilfmat/%.o: ilfmat/%.c | $(B0)/.debs-radiance
 	@mkdir -p $(@D)
-	$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
+	@echo "  CC  $<"
+	$(Q)$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
 $(PROGRAMS_ilfmat:%=$(B)/obj/ilfmat/%.o): | $(B0)/.debs-tools
 
 $(LIBILF): $(ILFLIB_OBJ)
 	@mkdir -p $(@D) && rm -f $@
-	ar rcs $@ $^
+	@ar rcs $@ $^
 $(LIBCOMMON): $(COMMON_OBJ)
 	@mkdir -p $(@D) && rm -f $@
-	ar rcs $@ $^
+	@ar rcs $@ $^
 
 # ---- our programs ----------------------------------------------------------------------------------
 tools: $(ILF_PROGRAMS:%=$(B)/bin/%) $(TOOL_PROGRAMS:%=$(B)/bin/%)
 
 $(ILF_PROGRAMS:%=$(B)/bin/%): $(B)/bin/%: $(B)/obj/ilfmat/%.o $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
+	@echo "  LD  $(@F)"
+	$(Q)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
 
 define tool_rules
 $(1)_PARTS := $$(patsubst tools/%,$(B)/obj/tools/%.o,$$(basename $$(filter-out $$(PROGRAMS_$(1):%=tools/$(1)/%.c),$$(wildcard tools/$(1)/*.c tools/$(1)/*.cpp))))
 $(B)/obj/lib$(1).a: $$($(1)_PARTS)
 	@mkdir -p $$(@D) && rm -f $$@
-	ar rcs $$@ $$^
+	@ar rcs $$@ $$^
 $$(patsubst %,$(B)/bin/%,$(call have,$(1),tools/$(1))): $(B)/bin/%: $(B)/obj/tools/$(1)/%.o $(B)/obj/lib$(1).a $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $$(@D)
-	$(CC) $(LDFLAGS) -o $$@ $$^ $$(LIBS_$(1)) $(LIBS_IMAGE)
+	@echo "  LD  $$(@F)"
+	$(Q)$(CC) $(LDFLAGS) -o $$@ $$^ $$(LIBS_$(1)) $(LIBS_IMAGE)
 endef
 $(foreach t,$(TOOLS),$(eval $(call tool_rules,$(t))))
 
@@ -135,8 +141,14 @@ $(B0)/man/man1/%: man/%
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
 
+# ---- test drivers ----------------------------------------------------------------------------------
+TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
+$(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON)
+	@mkdir -p $(@D)
+	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
+
 TEST_ARGS ?=
-test: all $(VENV)/.packages
+test: all $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider tests $(TEST_ARGS)
 
 # ---- the rest --------------------------------------------------------------------------------------

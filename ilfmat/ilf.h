@@ -56,6 +56,7 @@ typedef struct ilf_frame {
     double origin[3]; /* position of probe (0, 0) */
     double u[3], v[3], n[3];
     double len_u, len_v; /* |U|, |V|: edge lengths of the sampled rectangle */
+    double cos_uv;       /* u.v: up to 1e-4 off a right angle is allowed */
 } ilf_frame;
 
 /* Build a frame from the plane's origin and edge vectors.  normal may be NULL (n = u x v) or
@@ -78,7 +79,7 @@ typedef struct ilf_info {
     const char *compression; /* OpenEXR's name: "none", "zip", ...; static */
     float origin[3], U[3], V[3];
     double polar_max;      /* polar angle at the map's lower edge, (0, pi] */
-    double polar_valid;    /* beyond it lookups hold the value at it; <= polar_max */
+    double polar_valid;    /* beyond it lookups hold the value at it; at most polar_max here */
     int64_t file_bytes;
 } ilf_info;
 
@@ -133,11 +134,12 @@ typedef struct ilf_spec {
     double polar_max;             /* (0, pi] */
     double polar_valid;           /* 0: none stated */
     ilf_type type;
-    const char *compression;      /* none rle zips zip piz pxr24 b44 b44a dwaa dwab */
+    const char *compression;      /* none rle zips zip piz pxr24 b44 b44a; NULL: none */
     const char *comments;         /* or NULL */
     const char *owner;            /* or NULL */
     const char *cap_date;         /* "YYYY:MM:DD HH:MM:SS" or NULL */
     double white_luminance;       /* cd/m^2 of RGB (1,1,1); 0: none stated */
+    const char *name;             /* what errors call the file; NULL: its path */
 } ilf_spec;
 
 typedef struct ilf_writer ilf_writer;

@@ -105,7 +105,8 @@ static ilf_status bring_in(ilf *f, int64_t k, ilf_error *err)
     else {
         if (!(decoded = malloc(f->probe_bytes)))
             return ilf_fail(err, ILF_ERR_MEMORY, "%s: %s: no memory for %zu bytes", f->path, where, f->probe_bytes);
-        if ((st = decode(f, &chunk, decoded, where, err)) != ILF_OK) {
+        st = f->is_dwa ? ilf_decode_dwa(f, i, j, decoded, err) : decode(f, &chunk, decoded, where, err);
+        if (st != ILF_OK) {
             free(decoded);
             return st;
         }

@@ -7,7 +7,7 @@
 
 struct ilf_writer {
     exr_context_t exr;
-    char *path;
+    char *path; /* as errors call the file */
     ilf_spec spec;
     int64_t next;     /* probe to come */
     uint16_t *half;   /* one probe, when the file holds halves */
@@ -64,9 +64,11 @@ static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compressio
                         s->n_v, s->n_theta, s->n_phi);
     while (ilf_compression_names[k] && strcmp(ilf_compression_names[k], name) != 0) k++;
     if (!ilf_compression_names[k])
-        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: expected none, rle, zips, zip, piz, pxr24, b44, b44a, dwaa or dwab, "
+        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: expected none, rle, zips, zip, piz, pxr24, b44 or b44a, "
                         "found %s", path, name);
     *compression = (exr_compression_t)k;
+    if (*compression == EXR_COMPRESSION_DWAA || *compression == EXR_COMPRESSION_DWAB)
+        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: %s can be read but not written; expected another", path, name);
     ilf_status st = ilf_check_polar(s->polar_max, s->polar_valid > 0 ? s->polar_valid : s->polar_max, path, err);
     if (st == ILF_OK) st = ilf_check_plane(&frame, s->origin, s->U, s->V, path, err);
     for (int c = 0; c < 3 && st == ILF_OK; c++)
@@ -118,14 +120,15 @@ static exr_result_t write_header(ilf_writer *w, exr_compression_t compression)
 ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec *spec, ilf_error *err)
 {
     exr_compression_t compression = EXR_COMPRESSION_NONE;
-    const ilf_status st = check_spec(path, spec, &compression, err);
+    const char *name = spec->name ? spec->name : path;
+    const ilf_status st = check_spec(name, spec, &compression, err);
 
     if (st != ILF_OK) return st;
     ilf_writer *w = calloc(1, sizeof *w);
-    if (!w || !(w->path = strdup(path)) ||
+    if (!w || !(w->path = strdup(name)) ||
         (spec->type == ILF_HALF && !(w->half = malloc((size_t)spec->n_theta * (size_t)spec->n_phi * 6)))) {
         ilf_writer_abort(w);
-        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory", path);
+        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory", name);
     }
     w->spec = *spec;
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;

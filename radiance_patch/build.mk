@@ -66,14 +66,15 @@ $(RAD)/.patched: radiance_patch/series $(RAD_SERIES) radiance_patch/unpack.sh $(
 $(RADOBJ)/%.o: $(RAD)/.patched
 	@mkdir -p $(@D)
 	@echo "  CC  $*.c"
-	@$(CC) $(RAD_CFLAGS) -c -o $@ $(RAD)/$*.c
+	$(Q)$(CC) $(RAD_CFLAGS) -c -o $@ $(RAD)/$*.c
 $(RADOBJ)/rt/Version.o: $(RAD)/.patched Makefile
 	@mkdir -p $(@D)
 	@printf 'char VersionID[]="%s, with the ilf material $(VERSION)";\n' "$$(cat $(RAD)/rt/VERSION)" | $(CC) -x c -c -o $@ -
 # ours, in Radiance's idiom, with our sanitizers
 $(RADOBJ)/rt/m_ilf.o: radiance_patch/m_ilf.c radiance_patch/ilfsrc.h ilfmat/ilf.h $(RAD)/.patched
 	@mkdir -p $(@D)
-	$(CC) $(RAD_CFLAGS) -Wall $(SANFLAGS) -Iilfmat -c -o $@ $<
+	@echo "  CC  $<"
+	$(Q)$(CC) $(RAD_CFLAGS) -Wall $(SANFLAGS) -Iilfmat -c -o $@ $<
 
 $(RADOBJ)/librtrad.a: $(RAD_COMMON:%=$(RADOBJ)/common/%.o)
 	@rm -f $@; ar rcs $@ $^
@@ -85,7 +86,7 @@ define rad_rules
 $(B)/bin/$(1): $$(RAD_MAIN_$(1):%=$(RADOBJ)/%.o) $(if $(filter $(1),$(RAD_RENDERERS) lookamb),$(RADOBJ)/libradiance.a) $(RADOBJ)/librtrad.a $(if $(filter $(1),$(RAD_RENDERERS)),$(LIBILF))
 	@mkdir -p $$(@D)
 	@echo "  LD  $(1)"
-	@$(CC) $(SANFLAGS) -o $$@ $$^ $(if $(filter $(1),$(RAD_RENDERERS)),$(LIBS_ILF)) -lm
+	$(Q)$(CC) $(SANFLAGS) -o $$@ $$^ $(if $(filter $(1),$(RAD_RENDERERS)),$(LIBS_ILF)) -lm
 endef
 $(foreach p,$(RAD_PROGRAMS),$(eval $(call rad_rules,$(p))))
 

@@ -1,0 +1,264 @@
+/*
+ * image.c - reading pictures: which format it is, the row stream, whole pictures; see image.h.
+ */
+#include "image.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "image_internal.h"
+
+/* raw comes before TIFF, since many raw files are TIFFs */
+static const img_codec *const codecs[] = {&img_codec_exr, &img_codec_png, &img_codec_jpeg, &img_codec_raw,
+                                          &img_codec_tiff, &img_codec_pnm, &img_codec_hdr};
+enum { NCODECS = sizeof codecs / sizeof *codecs };
+
+int img_bad(const img_reader *r, errmsg *e, const char *fmt, ...)
+{
+    char words[sizeof e->text];
+    va_list ap;
+    va_start(ap, fmt);
+    vsnprintf(words, sizeof words, fmt, ap);
+    va_end(ap);
+    return err_set(e, "%s: %s", r->path, words);
+}
+
+int img_check_size(const char *path, int64_t width, int64_t height, errmsg *e)
+{
+    if (width < 1 || height < 1 || width > IMG_MAX_SIDE || height > IMG_MAX_SIDE || width * height > IMG_MAX_PIXELS)
+        return err_set(e, "%s: expected a picture of 1 to %d pixels a side and at most %lld in all, found %lldx%lld",
+                       path, IMG_MAX_SIDE, (long long)IMG_MAX_PIXELS, (long long)width, (long long)height);
+    return 0;
+}
+
+int img_set_info(img_reader *r, int64_t width, int64_t height, int channels, double max_code, errmsg *e)
+{
+    if (img_check_size(r->path, width, height, e) < 0) return -1;
+    r->info.width = (int)width;
+    r->info.height = (int)height;
+    r->info.channels = channels;
+    r->info.coded = max_code > 0;
+    r->info.max_code = max_code;
+    if (!r->info.format[0]) snprintf(r->info.format, sizeof r->info.format, "%s", r->codec->format);
+    return 0;
+}
+
+/* ---- opening --------------------------------------------------------------------------------- */
+
+/* What can't be rewound (a pipe, standard input) is copied to a file without a name first. */
+static FILE *spool(FILE *in)
+{
+    char buf[1 << 16];
+    size_t n;
+    FILE *out = tmpfile();
+    if (!out) return NULL;
+    while ((n = fread(buf, 1, sizeof buf, in)) > 0) {
+        if (fwrite(buf, 1, n, out) != n) break;
+    }
+    if (ferror(in) || ferror(out) || fflush(out) == EOF || fseek(out, 0, SEEK_SET) != 0) {
+        int code = errno;
+        fclose(out);
+        errno = code;
+        return NULL;
+    }
+    return out;
+}
+
+static int open_file(img_reader *r, const char *path, errmsg *e)
+{
+    int is_stdin = strcmp(path, "-") == 0;
+    r->path = strdup(is_stdin ? "standard input" : path);
+    if (!r->path) return err_set(e, "%s: out of memory", path);
+    FILE *in = is_stdin ? stdin : fopen(path, "rb");
+    if (!in) return err_errno(e, "%s: can't read", path);
+    struct stat st;
+    if (fstat(fileno(in), &st) < 0 || S_ISDIR(st.st_mode)) {
+        if (!is_stdin) fclose(in);
+        return img_bad(r, e, "expected a picture, found a folder");
+    }
+    if (S_ISREG(st.st_mode) && !is_stdin) {
+        r->f = in;
+    } else {
+        r->f = spool(in);
+        if (!r->f) err_errno(e, "%s: can't read", r->path);
+        if (!is_stdin) fclose(in);
+        if (!r->f) return -1;
+        if (fstat(fileno(r->f), &st) < 0) return err_errno(e, "%s: can't read", r->path);
+    }
+    r->bytes = st.st_size;
+    return 0;
+}
+
+static int choose_codec(img_reader *r, errmsg *e)
+{
+    unsigned char head[IMG_HEAD];
+    size_t n = fread(head, 1, sizeof head, r->f);
+    if (ferror(r->f)) return err_errno(e, "%s: can't read", r->path);
+    if (n == 0) return img_bad(r, e, "expected a picture, found an empty file");
+    rewind(r->f);
+    for (int i = 0; i < NCODECS && !r->codec; i++) {
+        if (!codecs[i]->sniff(head, n)) continue;
+        int tiff_raw = codecs[i] == &img_codec_raw && img_codec_tiff.sniff(head, n);
+        if (tiff_raw && !img_tiff_is_raw(r->f)) continue;
+        r->codec = codecs[i];
+    }
+    rewind(r->f);
+    if (!r->codec)
+        return img_bad(r, e, "expected a picture (EXR, Radiance, PNG, JPEG, TIFF, PNM, PFM or camera raw), "
+                             "found something else");
+    return 0;
+}
+
+int img_reader_open(img_reader **out, const char *path, errmsg *e)
+{
+    img_reader *r = calloc(1, sizeof *r);
+    if (!r) return err_set(e, "%s: out of memory", path);
+    if (open_file(r, path, e) < 0 || choose_codec(r, e) < 0 || r->codec->open(r, e) < 0) {
+        img_reader_close(r);
+        return -1;
+    }
+    *out = r;
+    return 0;
+}
+
+void img_reader_close(img_reader *r)
+{
+    if (!r) return;
+    if (r->codec) r->codec->close(r);
+    if (r->f) fclose(r->f);
+    free((char *)r->path);
+    free(r);
+}
+
+/* ---- rows ------------------------------------------------------------------------------------ */
+
+const img_info *img_reader_info(const img_reader *r)
+{
+    return &r->info;
+}
+
+int img_reader_rows(img_reader *r, float *rows, int nrows, errmsg *e)
+{
+    size_t stride = (size_t)r->info.width * (size_t)r->info.channels;
+    if (r->failed) return img_bad(r, e, "an earlier row could not be read");
+    if (nrows < 0 || nrows > r->info.height - r->y)
+        return img_bad(r, e, "expected to read at most %d more rows, found a request for %d", r->info.height - r->y,
+                       nrows);
+    for (int i = 0; i < nrows; i++, r->y++) {
+        if (r->codec->row(r, rows + (size_t)i * stride, e) < 0) {
+            r->failed = 1;
+            return -1;
+        }
+    }
+    return 0;
+}
+
+int img_held_row(img_reader *r, float **held, img_order order, int (*next)(img_reader *r, float *line, errmsg *e),
+                 float *row, errmsg *e)
+{
+    size_t w = (size_t)r->info.width, h = (size_t)r->info.height, c = (size_t)r->info.channels;
+    if (!*held) {
+        size_t lines = order.columns ? w : h, length = order.columns ? h : w;
+        float *line = malloc(length * c * sizeof *line);
+        *held = malloc(w * h * c * sizeof **held);
+        if (!line || !*held) {
+            free(line);
+            return img_bad(r, e, "out of memory for %zux%zu pixels", w, h);
+        }
+        for (size_t l = 0; l < lines; l++) {
+            if (next(r, line, e) < 0) {
+                free(line);
+                return -1;
+            }
+            for (size_t p = 0; p < length; p++) {
+                size_t x = order.columns ? l : p, y = order.columns ? p : l;
+                if (order.flip_x) x = w - 1 - x;
+                if (order.flip_y) y = h - 1 - y;
+                memcpy(*held + (y * w + x) * c, line + p * c, c * sizeof *line);
+            }
+        }
+        free(line);
+    }
+    memcpy(row, *held + (size_t)r->y * w * c, w * c * sizeof *row);
+    return 0;
+}
+
+/* ---- whole pictures -------------------------------------------------------------------------- */
+
+static int alloc_pixels(img *im, const img_info *info, const char *path, errmsg *e)
+{
+    /* zeroed by the system on first touch: a header that lies costs address space only */
+    float *pix = calloc((size_t)info->width * (size_t)info->height, (size_t)info->channels * sizeof *pix);
+    if (!pix) return err_set(e, "%s: out of memory for %dx%d pixels", path, info->width, info->height);
+    im->info = *info;
+    im->pix = pix;
+    return 0;
+}
+
+int img_alloc(img *im, int width, int height, int channels, errmsg *e)
+{
+    if (channels < 1 || channels > 4) return err_set(e, "new picture: expected 1 to 4 channels, found %d", channels);
+    if (img_check_size("new picture", width, height, e) < 0) return -1;
+    img_info info = {.width = width, .height = height, .channels = channels};
+    return alloc_pixels(im, &info, "new picture", e);
+}
+
+void img_free(img *im)
+{
+    free(im->pix);
+    memset(im, 0, sizeof *im);
+}
+
+int img_load(img *im, const char *path, errmsg *e)
+{
+    img_reader *r;
+    img got = {0};
+    if (img_reader_open(&r, path, e) < 0) return -1;
+    int rc = alloc_pixels(&got, &r->info, r->path, e);
+    if (rc == 0) rc = img_reader_rows(r, got.pix, r->info.height, e);
+    if (rc == 0) *im = got;
+    else img_free(&got);
+    img_reader_close(r);
+    return rc;
+}
+
+int img_probe(img_info *info, const char *path, errmsg *e)
+{
+    img_reader *r;
+    if (img_reader_open(&r, path, e) < 0) return -1;
+    *info = r->info;
+    img_reader_close(r);
+    return 0;
+}
+
+/* ---- sRGB ------------------------------------------------------------------------------------ */
+
+static double srgb_to_linear(double v)
+{
+    return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
+}
+
+void img_linearise_srgb(img *im)
+{
+    img_info *info = &im->info;
+    if (!info->coded) return;
+    size_t n = (size_t)info->width * (size_t)info->height, c = (size_t)info->channels;
+    size_t colours = c >= 3 ? 3 : 1, ncodes = (size_t)info->max_code + 1;
+    float *table = malloc(ncodes * sizeof *table); /* codes are whole numbers: one pow() each */
+    for (size_t i = 0; table && i < ncodes; i++) table[i] = (float)srgb_to_linear((double)i / info->max_code);
+    for (size_t i = 0; i < n; i++) {
+        for (size_t k = 0; k < c; k++) {
+            float *v = &im->pix[i * c + k];
+            size_t code = *v >= 0 && (double)*v <= info->max_code ? (size_t)*v : 0;
+            if (k >= colours) *v = (float)((double)*v / info->max_code);
+            else if (table && (float)code == *v) *v = table[code];
+            else *v = (float)srgb_to_linear((double)*v / info->max_code);
+        }
+    }
+    free(table);
+    info->coded = 0;
+    info->max_code = 0;
+}

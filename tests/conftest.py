@@ -1,0 +1,97 @@
+"""What all tests share: where things are, and how a program is run.
+
+ILF_BUILD names the build folder, relative to the project's top (default: build), ILF_SHARED the
+folder with the real photographs (default: ../shared).
+"""
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+TOP = Path(__file__).resolve().parent.parent
+BUILD = (TOP / os.environ.get("ILF_BUILD", "build")).resolve()
+BIN = BUILD / "bin"
+SHARED = (TOP / os.environ.get("ILF_SHARED", "../shared")).resolve()
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "sweep: the same comparison on many more rays; set ILF_SWEEP=1 to run it")
+
+
+def pytest_collection_modifyitems(items):
+    if os.environ.get("ILF_SWEEP"):
+        return
+    skip = pytest.mark.skip(reason="a long sweep: set ILF_SWEEP=1 to run it")
+    for item in items:
+        if "sweep" in item.keywords:
+            item.add_marker(skip)
+
+
+def shared_data(name):
+    """The folder of one real data set; the test is skipped where it is not there."""
+    folder = SHARED / "data" / name
+    if not folder.is_dir():
+        pytest.skip(f"real photographs not found: {name} (set ILF_SHARED to the folder that holds data/{name})")
+    return folder
+
+
+def environment(**more):
+    """The environment that `make env` prints."""
+    env = dict(os.environ)
+    env["PATH"] = f"{BIN}:{env.get('PATH', '')}"
+    lib = ":".join(dict.fromkeys([str(BUILD / "lib"), str(TOP / "build" / "lib")]))
+    env["RAYPATH"] = f".:{lib}"
+    env.setdefault("LC_ALL", "C")
+    env.update(more)
+    return env
+
+
+class Result:
+    """What a program left behind: code, out (bytes), err (text)."""
+
+    def __init__(self, args, code, out, err):
+        self.args, self.code, self.out, self.err = args, code, out, err
+
+    @property
+    def text(self):
+        return self.out.decode("utf-8", "replace")
+
+    def __repr__(self):
+        return f"<{' '.join(self.args)}: exit {self.code}; {self.err[-2000:]!r}>"
+
+
+def run(program, *args, stdin=b"", cwd=None, code=0, timeout=120, env=None):
+    """Run one of our programs; fail unless it ends with `code` (None: any code but a signal)."""
+    path = BIN / program
+    if not path.is_file():
+        pytest.fail(f"{program} is not built: run make first")
+    if isinstance(stdin, str):
+        stdin = stdin.encode()
+    command = [str(path), *map(str, args)]
+    p = subprocess.run(command, input=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=cwd,
+                       timeout=timeout, env=env or environment())
+    result = Result([program, *map(str, args)], p.returncode, p.stdout, p.stderr.decode("utf-8", "replace"))
+    if p.returncode < 0:
+        pytest.fail(f"killed by signal {-p.returncode}: {result!r}")
+    for sign in ("AddressSanitizer", "runtime error:", "LeakSanitizer"):
+        if sign in result.err:
+            pytest.fail(f"sanitizer report: {result!r}")
+    if code is not None and p.returncode != code:
+        pytest.fail(f"expected exit {code}: {result!r}")
+    return result
+
+
+def one_line_error(result, program, *words):
+    """One line on stderr, with the program's name before it and each of the words in it.
+
+    A word may be a tuple: any one of its members will do.  Case does not matter.
+    """
+    lines = [x for x in result.err.splitlines() if x.strip()]
+    assert len(lines) == 1, f"one line expected: {result!r}"
+    assert lines[0].startswith(f"{program}: "), result
+    low = lines[0].lower()
+    for word in words:
+        any_of = word if isinstance(word, tuple) else (word,)
+        assert any(w.lower() in low for w in any_of), f"{any_of} not named: {lines[0]}"
+    return lines[0]
