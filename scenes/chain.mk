@@ -39,7 +39,7 @@ $($(1)_OUT)/nodes/%/times.txt: $($(1)_OUT)/room.amb $($(1)_FALLOFF) $($(1)_DEPEN
 	@rm -rf $$(@D) && mkdir -p $$(@D) && cp $$< $$(@D)/room.amb
 	@k=0; for t in $($(1)_TIMES); do \
 	    $$(ILF_ENV):$$($(1)_PATH) virtualcamera --quiet --octree $($(1)_STAGE) --plane "$($(1)_PLANE)" \
-	        --grid $($(1)_NU)x$($(1)_NV) --node $$(subst _,$(,),$$*) --seconds $$$$t $($(1)_LENS) $($(1)_CAMERA) \
+	        --grid $($(1)_NU)x$($(1)_NV) --node $$(subst _,$$(,),$$*) --seconds $$$$t $($(1)_LENS) $($(1)_CAMERA) \
 	        --falloff $($(1)_FALLOFF) --response $($(1)_RESPONSE) --cache $$(@D) \
 	        --render-options "$($(1)_LIGHT) -af $$(@D)/room.amb" -o $$(@D)/e$$$$k.png; \
 	    echo "e$$$$k.png $$$$t"; k=$$$$((k + 1)); \

@@ -186,12 +186,12 @@ def statue(height, cells):
         g = gradient(figure, verts)
         verts = verts - np.clip(figure(verts), -2e-3, 2e-3)[:, None] * g
     normals = gradient(figure, verts)
+    verts = verts - [0, 0, verts[:, 2].min()]
+    verts = np.round(verts * (height / verts[:, 2].max()), 6)      # as they will be written
     tris = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     area = np.linalg.norm(np.cross(verts[tris[:, 1]] - verts[tris[:, 0]],
                                    verts[tris[:, 2]] - verts[tris[:, 0]]), axis=1)
-    tris = tris[area > 1e-10]
-    verts = verts - [0, 0, verts[:, 2].min()]
-    return verts * (height / verts[:, 2].max()), normals, tris
+    return verts, normals, tris[area > 1e-9 * height * height]
 
 
 def main():
