@@ -5,6 +5,10 @@ over the pixels of a region and the three channels,
 
     rmse   sqrt(<(a - b)^2>) / <b>           bias   <a - b> / <b>
 
+of what the figure can show: a and b are first clipped at the figure's white, because the few pixels in which the
+mirror ball shows a lamp, hundreds of times the mean, would outweigh all the rest.  rmse_unclipped is
+the same of the radiances as they are.
+
 ssim is the structural similarity of Wang et al. 2004 on the pictures as they are shown (grey, 0..1, one
 exposure for all): Gaussian window of sigma 1.5 (11 x 11), K1 = 0.01, K2 = 0.03, mean of the map over the
 region.
@@ -86,11 +90,14 @@ def measures(picture, reference, regions, exposure):
     """[(region, measure, value)]; regions is {name: boolean array}."""
     grey = display(np.stack([picture @ LUMINANCE, reference @ LUMINANCE]), exposure)
     similar = ssim_map(grey[0], grey[1])
+    white = 1.0 / exposure
+    a, b = np.minimum(picture, white), np.minimum(reference, white)
     rows = []
     for name, where in regions.items():
-        rows += [(name, "rmse", rmse(picture, reference, where)),
-                 (name, "bias", bias(picture, reference, where)),
-                 (name, "ssim", float(similar[where].mean()))]
+        rows += [(name, "rmse", rmse(a, b, where)),
+                 (name, "bias", bias(a, b, where)),
+                 (name, "ssim", float(similar[where].mean())),
+                 (name, "rmse_unclipped", rmse(picture, reference, where))]
     return rows
 
 
@@ -206,7 +213,8 @@ def compare(a):
     if "all" not in regions:
         raise pictures.PictureError(f"{a.mask}: expected covered pixels, found none")
     scale = exposure_of(reference, regions["all"])
-    mean = reference[regions["all"]].mean()
+    white = 1.0 / scale
+    mean = np.minimum(reference, white)[regions["all"]].mean()
     spent = cost(path)
     columns = [(label, display(reference, scale), [f"the reference · {spent['cpu_s']:.0f} CPU s" if spent else "the reference"])]
     rows, maps = [], []
@@ -223,7 +231,7 @@ def compare(a):
         more = " · ".join(f"{r} {value[r, 'rmse']:.1%}" for r in ("objects", "table") if (r, "rmse") in value)
         columns.append((name, display(picture, scale),
                         [line, more + (f" · {spent['cpu_s']:.0f} CPU s" if spent else "")]))
-        error = (picture - reference) @ LUMINANCE / mean
+        error = (np.minimum(picture, white) - np.minimum(reference, white)) @ LUMINANCE / mean
         maps.append((len(columns) - 1, np.where(regions["all"], error, 0.0)))
     write_csv(a.csv, rows)
     panels(columns, maps, a.title, a.output)

@@ -99,7 +99,7 @@ OFFICE         ?= ../shared/data/fisheye_bracket_office_canon5d2_8mm
 OFFICE_IMAGES  := $(sort $(wildcard $(OFFICE)/*.jpg $(OFFICE)/*.JPG $(OFFICE)/*.jpeg))
 OFFICE_LENS    ?= --lens equisolid --fov 186
 OFFICE_CIRCLE  ?= --centre 706,466 --radius 451.5
-OFFICE_FALLOFF ?= $(if $(wildcard $(OFFICE)/vignetting.json),$(DEMO)/office/falloff.txt)
+OFFICE_FALLOFF ?= $(if $(wildcard $(OFFICE)/vignetting.json),--falloff $(OFFICE)/vignetting.json --falloff-set f5.6)
 OFFICE_RESPONSE ?= debevec
 OUT_OFFICE     := $(DEMO)/office
 OFFICE_RUN      = $(ILF_ENV):$(TOP)/$(SCENES):$(TOP)/$(DEMO):$(TOP)/$(OUT_OFFICE)
@@ -113,16 +113,13 @@ no-office:
 	@echo "demo: real photographs left out: no *.jpg in $(OFFICE) (OFFICE=DIR names a series of your own; see scenes/README.md)"
 endif
 
-$(OUT_OFFICE)/falloff.txt: scenes/demo/office_falloff.py | $(VENV)/.packages
-	@mkdir -p $(@D)
-	@$(PY) $< $(OFFICE)/vignetting.json --aperture f5.6 --edge 93 -o $@
 $(OUT_OFFICE)/fisheye.exr: $(OFFICE_IMAGES) | $(call bins,hdrgen)
 	@mkdir -p $(@D)
 	@echo "  office: merging $(words $^) photographs"
 	@$(ILF_ENV) hdrgen --quiet --response $(OFFICE_RESPONSE) -o $@ $^
-$(OUT_OFFICE)/probe.exr: $(OUT_OFFICE)/fisheye.exr $(OFFICE_FALLOFF) | $(call bins,fishremap)
+$(OUT_OFFICE)/probe.exr: $(OUT_OFFICE)/fisheye.exr | $(call bins,fishremap)
 	@$(ILF_ENV) fishremap --quiet $(OFFICE_LENS) $(OFFICE_CIRCLE) --size 720x180 --polar-max 90 \
-	    $(if $(OFFICE_FALLOFF),--falloff $(OFFICE_FALLOFF)) -o $@ $<
+	    $(OFFICE_FALLOFF) -o $@ $<
 $(OUT_OFFICE)/office.ilf.exr: $(OUT_OFFICE)/probe.exr | $(call bins,ilfpack)
 	@$(ILF_ENV) ilfpack --quiet --grid 1x1 --plane "-.5 0 -.5  1 0 0  0 0 1" --type float -o $@ $<
 $(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(DEMO)/statue.rtm | $(call bins,oconv xform)
