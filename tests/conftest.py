@@ -5,6 +5,8 @@ folder with the real photographs (default: ../shared).
 """
 import os
 import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -80,6 +82,33 @@ def run(program, *args, stdin=b"", cwd=None, code=0, timeout=120, env=None):
     if code is not None and p.returncode != code:
         pytest.fail(f"expected exit {code}: {result!r}")
     return result
+
+
+MEASURE = """
+import os, sys
+_, status, usage = os.wait4(os.posix_spawn(sys.argv[2], sys.argv[2:], os.environ), 0)
+with open(sys.argv[1], "w") as f:
+    print(usage.ru_maxrss * 1024, os.waitstatus_to_exitcode(status), file=f)
+"""
+
+
+def run_measured(program, *args, stdin=b"", cwd=None, code=0, timeout=120):
+    """As run(), and the process's peak resident memory in bytes.
+
+    A child inherits its parent's peak across fork, so a small interpreter stands between.
+    """
+    path = BIN / program
+    if not path.is_file():
+        pytest.fail(f"{program} is not built: run make first")
+    with tempfile.NamedTemporaryFile("r") as note:
+        p = subprocess.run([sys.executable, "-ISc", MEASURE, note.name, str(path), *map(str, args)], cwd=cwd, timeout=timeout,
+                           input=stdin.encode() if isinstance(stdin, str) else stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                           env=environment())
+        peak, ended = map(int, note.read().split())
+    result = Result([program, *map(str, args)], ended, p.stdout, p.stderr.decode("utf-8", "replace"))
+    if ended != code:
+        pytest.fail(f"expected exit {code}: {result!r}")
+    return result, peak
 
 
 def one_line_error(result, program, *words):

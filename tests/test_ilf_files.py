@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from conftest import BIN, environment, one_line_error, run
+from conftest import BIN, environment, one_line_error, run, run_measured
 from ilf_util import (ILF, PI, POLAR_MAX, assert_same, directional_ilf, edited, header_attributes, pixel_type, random_ilf,
                       rays_text, read_mosaic, rebuilt, sparse_ilf, tile_offsets, unmosaic, write_ilf)
 
@@ -183,28 +183,9 @@ def test_sizes_that_cannot_be(tmp_path, good, window, tile):
     data = edited(data, "tiles", value=struct.pack("<IIB", *tile, 0))
     (tmp_path / "bad.ilf.exr").write_bytes(data)
     for program in ("ilfinfo", "ilftrace"):
-        r, peak = with_peak_memory(program, tmp_path / "bad.ilf.exr", stdin=RAY, code=1)
+        r, peak = run_measured(program, tmp_path / "bad.ilf.exr", stdin=RAY, code=1)
         one_line_error(r, program, "bad.ilf.exr")
         assert peak < 200e6, f"{program} took {peak / 1e6:.0f} MB"
-
-
-def with_peak_memory(program, *args, stdin="", code=0):
-    """As run(), and the peak resident memory of that process in bytes."""
-    import tempfile
-    with tempfile.TemporaryFile() as i, tempfile.TemporaryFile() as o, tempfile.TemporaryFile() as e:
-        i.write(stdin.encode())
-        i.seek(0)
-        if not (BIN / program).is_file():
-            pytest.fail(f"{program} is not built: run make first")
-        p = subprocess.Popen([str(BIN / program), *map(str, args)], stdin=i, stdout=o, stderr=e, env=environment())
-        _, status, usage = os.wait4(p.pid, 0)
-        p.returncode = os.waitstatus_to_exitcode(status)
-        o.seek(0)
-        e.seek(0)
-        from conftest import Result
-        r = Result([program, *map(str, args)], p.returncode, o.read(), e.read().decode())
-        assert r.code == code, r
-        return r, usage.ru_maxrss * 1024
 
 
 # ---- hostile bytes -----------------------------------------------------------------------------------
@@ -319,9 +300,9 @@ def test_memory_grows_with_the_probes_that_are_touched(big):
         rows = [f"{p} {q} 0 {np.cos(t)} {np.sin(t)} {c} {p} {q} 0\n" for p, q in zip(x, y) for t in a[:, 0] for c in (0.1, 1)]
         return "".join(rows)
 
-    _, least = with_peak_memory("ilftrace", big, stdin="")
-    _, few = with_peak_memory("ilftrace", big, stdin=rays_on(2))          # 2 cells, 6 probes of 0.96 MB
-    _, many = with_peak_memory("ilftrace", big, stdin=rays_on(100))
+    _, least = run_measured("ilftrace", big, stdin="")
+    _, few = run_measured("ilftrace", big, stdin=rays_on(2))          # 2 cells, 6 probes of 0.96 MB
+    _, many = run_measured("ilftrace", big, stdin=rays_on(100))
     assert least < 60e6
     assert few < least + 30e6
     assert many < least + 330e6                                          # 100 cells touch about 145 probes
@@ -335,7 +316,7 @@ def test_opening_reads_header_and_table_only(big):
         before = count()
     except OSError:
         pytest.skip("/proc/self/io is not there")
-    _, peak = with_peak_memory("ilftrace", big, stdin="0 0 0 0 0 1 0 0 0\n")
+    _, peak = run_measured("ilftrace", big, stdin="0 0 0 0 0 1 0 0 0\n")
     assert count() - before < 12e6
     assert peak < 60e6
 

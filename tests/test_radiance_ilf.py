@@ -4,10 +4,10 @@ import re
 import numpy as np
 import pytest
 
-from conftest import BIN, BUILD, environment, run
+from conftest import BUILD, environment, run, run_measured
 from ilf_util import (ILF, MIRROR_ARRAY_VALID, PI, POLAR_MAX, assert_same, directional_ilf, edited, f32, random_directions,
                       random_ilf, sparse_ilf, unit, write_ilf)
-from rad_util import (Cone, Mesh, Polygon, Ring, Source, Sphere, Surface, clear, material, matrix, numbers, oconv,
+from rad_util import (LITERAL, Cone, Mesh, Polygon, Ring, Source, Sphere, Surface, clear, material, matrix, numbers, oconv,
                       read_picture, rtrace, scene_value)
 
 RENDERERS = ["rpict", "rtrace", "rcontrib"]
@@ -67,11 +67,12 @@ def test_rtrace_polar_valid(tmp_path):
 
 OCTAHEDRON = ([(6, 0, 0), (-6, 0, 0), (0, 6, 0), (0, -6, 0), (0, 0, 6), (0, 0, -6)],
               [(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 5), (3, 1, 5), (0, 3, 5)])
+CEILING = [(x, y, 3 + 0.03 * x + 0.02 * y) for x, y in ((-9, -8), (9, -7), (8, 9), (-9, 8))]
 SHAPES = {
     "sphere": Sphere((0.3, 0, 0.2), 4), "bubble": Sphere((0.3, 0, 0.2), 4, "bubble"),
     "sphere from outside": Sphere((0.2, 0.3, 4), 2.5),
-    "polygon": Polygon((-9, -8, 3), (9, -7, 3.5), (8, 9, 3), (-9, 8, 2.5)),
-    "polygon seen from its back": Polygon((-9, 8, 2.5), (8, 9, 3), (9, -7, 3.5), (-9, -8, 3)),
+    "polygon": Polygon(*CEILING),
+    "polygon seen from its back": Polygon(*CEILING[::-1]),
     "ring": Ring((0, 0, 2.5), (0.1, 0, 1), 0.5, 9), "ring from its back": Ring((0, 0, 2.5), (0.1, 0, -1), 0.5, 9),
     "cone": Cone((0, 0, -4), (0, 1, 5), 6, 0.5), "cup": Cone((0, 0, -4), (0, 1, 5), 6, 0.5, "cup"),
     "cylinder": Cone((0, 0, -4), (0, 1, 5), 3, kind="cylinder"), "tube": Cone((0, 0, -4), (0, 1, 5), 3, kind="tube"),
@@ -134,7 +135,7 @@ def test_reals_replace_the_plane(tmp_path, reals, sign, depth, far):
 MOVES = {
     "translate": "-t 3 -2 1.5", "rotate x": "-rx 37", "rotate y": "-ry -71", "rotate z": "-rz 200", "scale": "-s 0.03",
     "mirror x": "-mx", "mirror z": "-mz", "mirror twice": "-mx -my", "all": "-rx 30 -s 2.5 -t 1 2 3 -mz -rz 15 -ry 100 -t 0 -4 0.5",
-    "far": "-t 1e4 -2e4 1e4",
+    "far": "-t 1e3 -2e3 1e3",
 }
 
 
@@ -191,7 +192,7 @@ def test_xform_refuses_an_ilf_without_reals(tmp_path, words):
     (tmp_path / "p.rad").write_text(f"void ilf kitchen\n{words}\n0\n0\n")
     r = run("xform", "-t", "1", "0", "0", "p.rad", cwd=tmp_path, code=1)
     assert "kitchen" in r.err and "ilf" in r.err and len(r.err.strip().splitlines()) == 1
-    assert b" ilf " not in r.out
+    assert b"room.ilf.exr" not in r.out
 
 
 @pytest.mark.parametrize("n", [1, 8, 10, 13])
@@ -473,7 +474,7 @@ def test_rpict_i(tmp_path):
     octree = dome_scene(tmp_path, lambda d: d * 0 + L, n_theta=16, n_phi=8)
     oconv(tmp_path, (tmp_path / "scene.rad").read_text() + FLOOR)
     p = render(tmp_path, octree, VIEW, "-i", "-ab", "1", "-ad", "1024", "-aa", "0", "-lw", "1e-6")
-    assert np.allclose(p[0], L, rtol=0.01), "sky"
+    assert np.allclose(p[0], L, rtol=0.02), "sky"    # 8 bits against the largest component
     assert np.allclose(p[-1], PI * L, rtol=0.04), "floor"
 
 
@@ -591,7 +592,13 @@ HIT = "0.1 0.2 0 0.1 0.2 1\n"
 
 def complaint(folder, text, *words):
     """rtrace and rpict name the primitive and the reason, and exit 1."""
-    octree = oconv(folder, text + Sphere((0, 0, 0), 5).rad("kitchen", "dome"))
+    (folder / "scene.rad").write_text(text + Sphere((0, 0, 0), 5).rad("kitchen", "dome"))
+    r = run("oconv", "scene.rad", cwd=folder, code=None)
+    if r.code:                                           # what can be seen without the file, oconv may say
+        assert r.code == 1 and 'ilf "kitchen"' in r.err and "argument" in r.err, r
+        return
+    octree = "scene.oct"
+    (folder / octree).write_bytes(r.out)
     for program, args, stdin in (("rtrace", ["-h", "-ab", "0", "-di", "0"], HIT),
                                  ("rpict", ["-x", "4", "-y", "4", "-vd", "0", "0", "1", "-vu", "0", "1", "0", "-ab", "0", "-di", "0"], "")):
         r = run(program, *args, octree, stdin=stdin, cwd=folder, code=1)
@@ -611,7 +618,7 @@ def sound(tmp_path_factory):
 @pytest.mark.parametrize("arguments, words", [
     ("0\n0\n0", [("file", "argument")]),
     ("3 room.ilf.exr depth depth\n0\n0", [("argument", "depth")]),
-    ("2 room.ilf.exr deep\n0\n0", ["deep"]),
+    ("2 room.ilf.exr deep\n0\n0", ["nodepth"]),
     ("1 room.ilf.exr\n1 1\n0", [("integer", "argument")]),
     ("1 room.ilf.exr\n0\n3 0 0 0", [("9", "real", "argument")]),
     ("1 room.ilf.exr\n0\n8 0 0 0 1 0 0 0 1", [("9", "real", "argument")]),
@@ -644,7 +651,7 @@ def test_bad_file_names_the_primitive(tmp_path, sound, how, words):
     elif how == "NaN in the origin":
         data = edited(sound, "ilf:origin", value=struct.pack("<3f", 0, float("nan"), 0))
     elif how == "NaN texel":
-        data = sound[:-1536] + struct.pack("<f", float("nan")) * 384
+        data = sound[:-384] + struct.pack("<f", float("nan")) * 96
     (tmp_path / "room.ilf.exr").write_bytes(data)
     complaint(tmp_path, "void ilf kitchen\n1 room.ilf.exr\n0\n0\n", "room.ilf.exr", *words)
 
@@ -661,20 +668,14 @@ def test_what_is_never_looked_at_is_never_opened(tmp_path):
 
 def test_rtrace_with_the_paper_s_full_size_touches_little(tmp_path):
     """30 x 30 x 400 x 400 half (864 MB): peak memory after a few rays."""
-    import os
-    import subprocess
     probe = np.full((400, 400, 3), 2.0)
     sparse_ilf(tmp_path / "big.ilf.exr", 30, 30, 400, 400, {(15, 15): probe})
     octree = oconv(tmp_path, material("room", "big.ilf.exr") + Sphere((0, 0, 0), 5).rad("room", "dome"))
     x = 15 / 29
-    (tmp_path / "rays").write_text(f"{x} {x} 0 0.1 0.1 1\n0.1 0.1 0 0.1 0.1 1\n")
-    with open(tmp_path / "rays") as i, open(tmp_path / "out", "w") as o:
-        p = subprocess.Popen([str(BIN / "rtrace"), "-h", "-ab", "0", "-di", "0", octree], stdin=i, stdout=o, cwd=tmp_path, env=environment())
-        _, status, usage = os.wait4(p.pid, 0)
-        p.returncode = os.waitstatus_to_exitcode(status)
-    assert p.returncode == 0 and usage.ru_maxrss < 100e3, f"{usage.ru_maxrss} kB"
-    rows = np.loadtxt(tmp_path / "out")
+    r, peak = run_measured("rtrace", *LITERAL, octree, stdin=f"{x} {x} 0 0.1 0.1 1\n0.1 0.1 0 0.1 0.1 1\n", cwd=tmp_path)
+    rows = np.array([x.split() for x in r.text.splitlines()], float)
     assert rows[0].min() > 1.9 and abs(rows[1]).max() < 1e-6
+    assert peak < 60e6, f"{peak / 1e6:.0f} MB"
 
 
 # ---- a wider sweep, on demand ------------------------------------------------------------------------------------------------
