@@ -12,7 +12,6 @@
 #   NAME_FALLOFF  falloff file of the lens           NAME_RESPONSE  camera's response (camera and merge alike)
 #   NAME_LIGHT    ambient options of the renderer for what the camera sees
 #   NAME_PROBE    size of a probe, n_theta x n_phi   NAME_SINGLE  I_J, the node of the single-probe light field
-#   NAME_DEPENDS  files whose change asks for a new capture
 #
 # Each node has a folder of its own and each step its file: a run that was stopped goes on where it was, and -j works.
 # Programs are order-only: a rebuilt program alone does not throw a capture away (`make demo-clean` does).
@@ -23,18 +22,31 @@ ILF_ENV = PATH="$(TOP)/$(B)/bin:$$PATH" RAYPATH=.:$(TOP)/$(B0)/lib
 upto = $(shell seq 0 $$(($(1) - 1)))
 bins = $(1:%=$(B)/bin/%)
 
+# A file that says how things are made, and is written again only when that has changed: what depends on it
+# is made anew after a change of settings, and only then.   $(eval $(call settings,FILE,TEXT))
+.PHONY: FORCE
+define settings
+$(1): FORCE
+	@mkdir -p $$(@D)
+	@printf '%s\n' '$(2)' > $$@.part
+	@if cmp -s $$@.part $$@; then rm $$@.part; else mv $$@.part $$@; fi
+endef
+
 define light_field
 $(1)_NODES := $$(foreach j,$$(call upto,$($(1)_NV)),$$(foreach i,$$(call upto,$($(1)_NU)),$$(i)_$$(j)))
+$$(eval $$(call settings,$($(1)_OUT)/capture.settings,$($(1)_NU)x$($(1)_NV) on $($(1)_PLANE); $($(1)_TIMES) s; \
+    $($(1)_LENS) $($(1)_CAMERA) --response $($(1)_RESPONSE) --falloff $($(1)_FALLOFF); $($(1)_LIGHT)))
+$$(eval $$(call settings,$($(1)_OUT)/probe.settings,$($(1)_PROBE)))
 
 # Indirect light of the room, once, from the middle of the plane; each node starts from a copy.
-$($(1)_OUT)/room.amb: $($(1)_STAGE) | $(call bins,virtualcamera rtrace)
+$($(1)_OUT)/room.amb: $($(1)_STAGE) $($(1)_OUT)/capture.settings | $(call bins,virtualcamera rtrace)
 	@echo "  capture: indirect light of the room"
 	@rm -f $$@ $$@.part
-	@$$(ILF_ENV):$$($(1)_PATH) virtualcamera --quiet --octree $$< --plane "$($(1)_PLANE)" --grid 3x3 --node 1,1 \
+	@$$(ILF_ENV):$$($(1)_PATH) virtualcamera --quiet --octree $($(1)_STAGE) --plane "$($(1)_PLANE)" --grid 3x3 --node 1,1 \
 	    $($(1)_LENS) --size 128 --supersample 1 --render-options "$($(1)_LIGHT) -af $$@.part" -o $($(1)_OUT)/overture.exr
 	@mv $$@.part $$@
 
-$($(1)_OUT)/nodes/%/times.txt: $($(1)_OUT)/room.amb $($(1)_FALLOFF) $($(1)_DEPENDS) | $(call bins,virtualcamera rtrace)
+$($(1)_OUT)/nodes/%/times.txt: $($(1)_OUT)/room.amb $($(1)_FALLOFF) | $(call bins,virtualcamera rtrace)
 	@echo "  capture: node $$*, $(words $($(1)_TIMES)) exposures"
 	@rm -rf $$(@D) && mkdir -p $$(@D) && cp $$< $$(@D)/room.amb
 	@k=0; for t in $($(1)_TIMES); do \
@@ -50,7 +62,7 @@ $($(1)_OUT)/nodes/%/times.txt: $($(1)_OUT)/room.amb $($(1)_FALLOFF) $($(1)_DEPEN
 $($(1)_OUT)/nodes/%/fisheye.exr: $($(1)_OUT)/nodes/%/times.txt | $(call bins,hdrgen)
 	@$$(ILF_ENV) hdrgen --quiet --response $($(1)_RESPONSE) --times $$< -o $$@ $$(@D)/e?.png
 
-$($(1)_OUT)/nodes/%/probe.exr: $($(1)_OUT)/nodes/%/fisheye.exr $($(1)_FALLOFF) | $(call bins,fishremap)
+$($(1)_OUT)/nodes/%/probe.exr: $($(1)_OUT)/nodes/%/fisheye.exr $($(1)_FALLOFF) $($(1)_OUT)/probe.settings | $(call bins,fishremap)
 	@$$(ILF_ENV) fishremap --quiet $($(1)_LENS) --size $($(1)_PROBE) --falloff $($(1)_FALLOFF) --polar-max 90 -o $$@ $$<
 
 $($(1)_OUT)/room.ilf.exr: $$($(1)_NODES:%=$($(1)_OUT)/nodes/%/probe.exr) | $(call bins,ilfpack)

@@ -9,6 +9,8 @@
 include scenes/chain.mk
 
 DEMO     := $(B0)/demo
+OFFICE   ?= ../shared/data/fisheye_bracket_office_canon5d2_8mm
+OFFICE_IMAGES := $(sort $(wildcard $(OFFICE)/*.jpg $(OFFICE)/*.JPG $(OFFICE)/*.jpeg))
 SCENES   := scenes/demo
 # importance samples of the light field per point (0 = the paper's literal method), and ambient
 # divisions of the pictures
@@ -25,7 +27,8 @@ demo:
 	@echo "The pictures:"; ls -1 $(DEMO)/*.png | sed 's,^,  $(TOP)/,'
 	@echo "The errors:   $(TOP)/$(DEMO)/errors.csv"
 
-demo-run: $(DEMO)/demo.png
+# the photographs first: their picture is drawn while the virtual camera works
+demo-run: $(if $(OFFICE_IMAGES),$(DEMO)/office.png,no-office) $(DEMO)/demo.png
 demo-clean:
 	rm -rf $(DEMO)
 
@@ -45,7 +48,6 @@ demo_RESPONSE := srgb
 demo_LIGHT    := -ab 2 -aa .15 -ad 1024 -as 256 -ar 32 -ds .1 -dj .6 -dt 0 -dc 1 -w
 demo_PROBE    := 192x96
 demo_SINGLE   := 2_2
-demo_DEPENDS  := scenes/chain.mk
 $(eval $(call light_field,demo))
 
 DEMO_ROOM   := $(SCENES)/room_materials.rad $(SCENES)/room.rad $(SCENES)/lamps.rad
@@ -77,11 +79,12 @@ $(DEMO)/mask.oct: $(SCENES)/mask_materials.rad $(DEMO_STILL) $(DEMO)/statue.rtm 
 
 # one ray in the middle of each pixel, twice the picture's size, so that all pictures see the same edges
 DEMO_PICT := -vf $(DEMO_VIEW) $(DEMO_RES) -ps 1 -pj 0 -w
+$(eval $(call settings,$(DEMO)/render.settings,$(DEMO_PICT) $(LITERAL)))
 PICT_LIGHT_photo  := -ab 2 -aa .15 -ad 512 -as 128 -ar 64 -ds .05 -dj .8 -dt 0 -dc 1
 PICT_LIGHT_mask   := -ab 0
 PICT_LIGHT_with_room   := $(LITERAL)
 PICT_LIGHT_with_single := $(LITERAL)
-$(DEMO)/%.big.hdr: $(DEMO)/%.oct $(DEMO_VIEW) scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
+$(DEMO)/%.big.hdr: $(DEMO)/%.oct $(DEMO_VIEW) $(DEMO)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
 	@echo "  render: $* $(PICT_LIGHT_$*)"
 	@$(DEMO_RUN) $(PY) scenes/timed.py --log $(DEMO)/$*.json -o $@ -- rpict $(DEMO_PICT) $(PICT_LIGHT_$*) $<
 $(DEMO)/%.hdr: $(DEMO)/%.big.hdr | $(call bins,pfilt)
@@ -95,8 +98,6 @@ $(DEMO)/demo.png: $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(DEMO)/with_single.hd
 	    --csv $(DEMO)/errors.csv -o $@
 
 # ---- (a) real photographs ------------------------------------------------------------------------------
-OFFICE         ?= ../shared/data/fisheye_bracket_office_canon5d2_8mm
-OFFICE_IMAGES  := $(sort $(wildcard $(OFFICE)/*.jpg $(OFFICE)/*.JPG $(OFFICE)/*.jpeg))
 OFFICE_LENS    ?= --lens equisolid --fov 186
 OFFICE_CIRCLE  ?= --centre 706,466 --radius 451.5
 OFFICE_FALLOFF ?= $(if $(wildcard $(OFFICE)/vignetting.json),--falloff $(OFFICE)/vignetting.json --falloff-set f5.6)
@@ -104,15 +105,9 @@ OFFICE_RESPONSE ?= debevec
 OUT_OFFICE     := $(DEMO)/office
 OFFICE_RUN      = $(ILF_ENV):$(TOP)/$(SCENES):$(TOP)/$(DEMO):$(TOP)/$(OUT_OFFICE)
 
-ifneq ($(OFFICE_IMAGES),)
-demo-run: $(DEMO)/office.png
-else
 .PHONY: no-office
-demo-run: no-office
 no-office:
 	@echo "demo: real photographs left out: no *.jpg in $(OFFICE) (OFFICE=DIR names a series of your own; see scenes/README.md)"
-endif
-
 $(OUT_OFFICE)/fisheye.exr: $(OFFICE_IMAGES) | $(call bins,hdrgen)
 	@mkdir -p $(@D)
 	@echo "  office: merging $(words $^) photographs"
@@ -124,7 +119,7 @@ $(OUT_OFFICE)/office.ilf.exr: $(OUT_OFFICE)/probe.exr | $(call bins,ilfpack)
 	@$(ILF_ENV) ilfpack --quiet --grid 1x1 --plane "-.5 0 -.5  1 0 0  0 0 1" --type float -o $@ $<
 $(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(DEMO)/statue.rtm | $(call bins,oconv xform)
 	@$(OFFICE_RUN) oconv -f $(SCENES)/office.rad > $@
-$(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
+$(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(DEMO)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
 	@echo "  render: office $(LITERAL)"
 	@$(OFFICE_RUN) $(PY) scenes/timed.py --log $(OUT_OFFICE)/office.json -o $@ -- \
 	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) -ps 1 -pj 0 -w $(LITERAL) $<
