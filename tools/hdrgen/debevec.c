@@ -34,10 +34,12 @@ static int informative(const uint16_t *z, const samples *s, const double *lnt)
 }
 
 /* Do two exposures that are neighbours in time see the same thing?  Where a long exposure shows a scene
- * and a short one only its read noise, both are inside the scale, but their codes don't correlate. */
+ * and a short one only its read noise, both are inside the scale, but their codes don't correlate.  Returns the
+ * number of such pairs, less those where the longer exposure is the darker one. */
 static int overlapping(const samples *s, int c, const double *lnt)
 {
     enum { LEAST = 8 };
+    int pairs = 0;
     for (int k = 0; k < s->exposures; k++) {
         int next = -1; /* the next longer exposure */
         for (int i = 0; i < s->exposures; i++)
@@ -60,9 +62,9 @@ static int overlapping(const samples *s, int c, const double *lnt)
         }
         double va = n * aa - sa * sa, vb = n * bb - sb * sb;
         if (n >= LEAST && va > 0 && vb > 0 && n * ab - sa * sb > least_correlation * sqrt(va * vb))
-            return 1;
+            pairs += sb >= sa ? 1 : -1;
     }
-    return 0;
+    return pairs;
 }
 
 /* Indices of up to STRATA*PER_STRATUM informative pixels spread over the range of brightness. */
@@ -120,7 +122,12 @@ static int one_channel(response *r, int c, solve_facts *facts, const samples *s,
                 "exposures of different time, found %d: give --response", c, MIN_PIXELS, n);
         goto done;
     }
-    if (!overlapping(s, c, lnt)) {
+    int pairs = overlapping(s, c, lnt);
+    if (pairs < 0) {
+        err_set(e, "channel %d: the longer exposures are the darker ones: times or order of the images wrong?", c);
+        goto done;
+    }
+    if (pairs == 0) {
         err_set(e, "channel %d: expected two exposures that show the same things neither black nor clipped, found "
                 "none: give --response", c);
         goto done;
