@@ -46,14 +46,14 @@
  */
 
 #ifndef ILFCAND
-#define ILFCAND		4		/* candidates per shadow ray */
+#define  ILFCAND		4		/* candidates per shadow ray */
 #endif
-#define ILFMINCAND	8		/* but at least this many */
-#define ILFHIST		48		/* tests before we believe history */
-#define ILFSURE		8		/* fewer rays where we do */
-#define ILFOMEGA	1e-6		/* solid angle for coefficients */
-#define ILFDOUBT	.1		/* part of bound added to estimate */
-#define ILFMAXPASS	64		/* objects to pass to our surface */
+#define  ILFMINCAND	8		/* but at least this many */
+#define  ILFHIST		48		/* tests before we believe history */
+#define  ILFSURE		8		/* fewer rays where we do */
+#define  ILFOMEGA	1e-6		/* solid angle for coefficients */
+#define  ILFDOUBT	.01		/* part of bound added to estimate */
+#define  ILFMAXPASS	64		/* objects to pass to our surface */
 
 typedef struct {
 	FVECT  dir;		/* direction */
