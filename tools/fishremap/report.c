@@ -16,7 +16,7 @@ int report_write(const char *path, const outcome *o, errmsg *e)
     fprintf(f, " \"cpu_s\": {\"prepare\": %.6f, \"remap\": %.6f}", o->cpu_prepare_s, o->cpu_remap_s);
     if (o->radius > 0) fprintf(f, ",\n \"centre\": [%.4f, %.4f],\n \"radius\": %.4f", o->cx, o->cy, o->radius);
     if (o->nspheres) {
-        fprintf(f, ",\n \"polar_valid_deg\": %.4f,\n \"pitch_per_diameter\": %.5f,\n \"spheres\": [", o->polar_valid_deg, o->pitch);
+        fprintf(f, ",\n \"polar_valid_deg\": %.4f,\n \"pitch_per_diameter\": %.5f,\n \"tilt_deg\": %.4f,\n \"spheres\": [", o->polar_valid_deg, o->pitch, o->tilt_deg);
         for (int k = 0; k < o->nspheres; k++)
             fprintf(f, "%s\n  [%.3f, %.3f, %.3f]", k ? "," : "", o->spheres[k].x, o->spheres[k].y, o->spheres[k].r);
         fprintf(f, "\n ]");

@@ -46,7 +46,7 @@ typedef struct outcome {
     int64_t bad_pixels;      /* NaN, infinite or masked */
     double covered;          /* share of the output's solid angle */
     double cpu_prepare_s, cpu_remap_s;
-    double pitch, polar_valid_deg; /* arrays */
+    double pitch, polar_valid_deg, tilt_deg; /* arrays */
     sphere_seen *spheres;    /* arrays: where they are; the caller frees them */
     int nspheres;
     char remark[512];        /* worth telling, or "" */

@@ -15,6 +15,7 @@
 #include "settings.h"
 #include "slope.h"
 #include "spherefind.h"
+#include "spherepose.h"
 
 #define DEG (M_PI / 180)
 
@@ -43,7 +44,7 @@ typedef struct tally {
 } tally;
 
 static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, const img *im, const sphere_seen *q,
-                      double turn, double polar_max, errmsg *e)
+                      double (*frame)[3], double turn, double polar_max, errmsg *e)
 {
     float *pix = NULL;
     int box[4];
@@ -54,6 +55,7 @@ static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, con
     if (lens_sphere(&l, d, e) || cut_window(&pix, box, im, q, e)) return -1;
     chart_disc(&src, box[2] - box[0], box[3] - box[1], &l, q->x - box[0], q->y - box[1], q->r, 1, turn, s->tilt_deg * DEG,
                s->tilt_to_deg * DEG);
+    if (frame) memcpy(src.frame, frame, sizeof src.frame);
     chart_probe(&dst, s->out_w, s->out_h, polar_max);
     double t0 = cpu_seconds();
     int rc = source_prepare(&ready, pix, src.width, src.height, 4, NULL, &src, e);
@@ -72,7 +74,7 @@ static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, con
 
 /* One row of the grid, its spheres in parallel: probes side by side in rgb. */
 static int row_of_spheres(float *rgb, float *alpha, outcome *o, const settings *s, const img *im, const sphere_grid *g,
-                          const sphere_seen *q, int j, double polar_max, errmsg *e)
+                          const sphere_seen *q, const sphere_pose *pose, int j, double polar_max, errmsg *e)
 {
     size_t n = (size_t)s->out_w * (size_t)s->out_h;
     int failed = 0, nu = s->nu;
@@ -80,12 +82,13 @@ static int row_of_spheres(float *rgb, float *alpha, outcome *o, const settings *
     int64_t bad = 0;
 #pragma omp parallel for schedule(dynamic) reduction(+ : covered, prepare_s, remap_s, bad) if (nu > 1)
     for (int i = 0; i < nu; i++) {
-        double u_angle;
+        double u_angle, frame[3][3];
         errmsg mine;
         tally t = {0};
         sphere_grid_at(&u_angle, g, i, j);
+        if (pose) sphere_pose_frame(frame, pose, i, j);
         size_t at = (size_t)i * n;
-        if (one_sphere(rgb + 3 * at, alpha + at, &t, s, im, q + i + (size_t)j * (size_t)nu, -u_angle, polar_max, &mine)) {
+        if (one_sphere(rgb + 3 * at, alpha + at, &t, s, im, q + i + (size_t)j * (size_t)nu, pose ? frame : NULL, -u_angle, polar_max, &mine)) {
 #pragma omp critical
             {
                 failed = 1;
@@ -111,7 +114,7 @@ static int ilf_words(const ilf_error *ie, const char *out, errmsg *e)
 }
 
 static int write_field(outcome *o, const settings *s, const img *im, const sphere_grid *g, const sphere_seen *q,
-                       double polar_max, double valid, errmsg *e)
+                       const sphere_pose *pose, double polar_max, double valid, errmsg *e)
 {
     size_t n = (size_t)s->out_w * (size_t)s->out_h, all = n * (size_t)s->nu;
     float *rgb = malloc(all * 3 * sizeof(float)), *alpha = malloc(all * sizeof(float));
@@ -138,7 +141,7 @@ static int write_field(outcome *o, const settings *s, const img *im, const spher
         goto done;
     }
     for (int j = 0; j < s->nv; j++) {
-        if (row_of_spheres(rgb, alpha, o, s, im, g, q, j, polar_max, e)) goto done;
+        if (row_of_spheres(rgb, alpha, o, s, im, g, q, pose, j, polar_max, e)) goto done;
         for (int i = 0; i < s->nu; i++)
             if (ilf_writer_probe(w, rgb + 3 * (size_t)i * n, &ie)) {
                 ilf_words(&ie, s->out, e);
@@ -201,7 +204,14 @@ int job_array(outcome *o, const settings *s, errmsg *e)
         valid = sphere_free_cone(fmax(o->pitch, 1));
     }
     o->polar_valid_deg = fmin(valid, polar_max) / DEG;
-    rc = write_field(o, s, &im, &g, q, polar_max, valid, e);
+    sphere_pose pose;
+    int posed = total > 1 && s->nu > 1 && s->nv > 1 && s->camera_distance > 0;
+    if (posed) {
+        double px = s->have_centre ? s->centre[0] : im.info.width / 2., py = s->have_centre ? s->centre[1] : im.info.height / 2.;
+        if (sphere_pose_find(&pose, &g, s->camera_distance / s->diameter / o->pitch, px, py, e)) goto done;
+        o->tilt_deg = pose.tilt / DEG;
+    }
+    rc = write_field(o, s, &im, &g, q, posed ? &pose : NULL, polar_max, valid, e);
 done:
     if (rc) {
         free(q);
