@@ -58,7 +58,7 @@ static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, con
     if (frame) memcpy(src.frame, frame, sizeof src.frame);
     chart_probe(&dst, s->out_w, s->out_h, polar_max);
     double t0 = cpu_seconds();
-    int rc = source_prepare(&ready, pix, src.width, src.height, 4, NULL, &src, e);
+    int rc = source_prepare(&ready, pix, src.width, src.height, &src, e);
     free(pix);
     if (rc) return -1;
     double t1 = cpu_seconds();
