@@ -190,8 +190,8 @@ static stage_code halt(stage *s, errmsg *e)
     grbl_message m;
     double until = now_s() + hold_s, xy[2], before[2] = {NAN, NAN};
     int silent = 0;
-    stage_code r = realtime(s, GRBL_HOLD, e);
-    while (r == STAGE_OK && now_s() < until && silent < 2) {
+    stage_code r = g->need_reset ? STAGE_OK : realtime(s, GRBL_HOLD, e);
+    while (r == STAGE_OK && !g->need_reset && now_s() < until && silent < 2) {
         if ((r = realtime(s, GRBL_STATUS_QUERY, e)) != STAGE_OK) break;
         r = take(s, &m, WANT_STATUS, now_s() + query_s, "waiting for the stage to hold", e);
         if (r == STAGE_INTERRUPTED) { /* asked twice: at once, whatever becomes of the position */
