@@ -74,6 +74,7 @@ static stage_code finish_place(capture_run *r, const place *p, errmsg *e)
 {
     const journal_place *jp = journal_at(r->j, p->i, p->j);
     exposure_seen seen[EXPOSURES_MAX];
+    if (shots_commit(r, e) != 0) return STAGE_FAILED;
     if (!jp->done && (write_times(r, p, e) != 0 || journal_done(r->j, p->i, p->j, e) != 0)) return STAGE_FAILED;
     seen_of(seen, r->s, jp);
     if (r->s->adaptive) r->guess = exposures_guess(seen, r->s->exposures, r->guess);
@@ -245,6 +246,11 @@ stage_code capture_all(capture_run *r, errmsg *e)
         if (c == STAGE_OK) c = all_places(r, e);
     }
     if (c != STAGE_OK) leave_stage_still(r, c);
+    errmsg why;
+    if (shots_commit(r, &why) != 0 && c == STAGE_OK) {
+        *e = why;
+        c = STAGE_FAILED;
+    }
     stage_close(r->stage);
     if (r->log_fd >= 0) close(r->log_fd);
     if (r->camera_lock_fd >= 0) close(r->camera_lock_fd);

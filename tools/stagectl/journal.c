@@ -150,7 +150,6 @@ static int append(journal *j, errmsg *e, const char *fmt, ...)
             left -= (size_t)w;
         }
     }
-    if (!bad && fdatasync(j->fd) != 0) bad = err_errno(e, "%s", j->path);
     if (!bad) j->length += n + 10;
     else if (ftruncate(j->fd, j->length) != 0) return bad; /* half a record must not stand before the next */
     return bad;
@@ -295,6 +294,13 @@ void journal_close(journal *j)
     if (j->lock_fd >= 0) close(j->lock_fd);
     free(j->path);
     free(j);
+}
+
+int journal_sync(journal *j, errmsg *e)
+{
+    /* the files first: a record must not outlive what it speaks of */
+    if (syncfs(j->lock_fd) != 0 || fdatasync(j->fd) != 0) return err_errno(e, "%s", j->path);
+    return 0;
 }
 
 /* ---- writing --------------------------------------------------------------------------------- */

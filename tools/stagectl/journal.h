@@ -13,8 +13,8 @@
  *                                 exposure K is on disk under the name TEMP and about to be renamed to NAME
  *   done I J                      the place is finished
  *
- * The shot is recorded before the rename: whatever happens between the two, the next run finds
- * either the whole file under its name or the whole file under the temporary one, and the digest tells.
+ * The shot is recorded, and record and file are synced, before the rename: whatever happens between the two, the next
+ * run finds either the whole file under its name or the whole file under the temporary one, and the digest tells.
  * A torn last line is dropped; a bad line before the last is damage and refused.
  */
 #ifndef JOURNAL_H
@@ -55,7 +55,9 @@ int journal_dropped(const journal *j);   /* 1: a torn last line was dropped */
 const double *journal_steps(const journal *j); /* steps/mm; NULL = not on record yet */
 const double *journal_last_arrived(const journal *j); /* NULL = never */
 
-/* Append: on disk when they return.  They keep what journal_at gives in step. */
+/* Append.  They keep what journal_at gives in step.  A record survives the end of this process at once, and a power cut from
+ * the next journal_sync on, which also makes everything durable that was written to the folder before. */
+int journal_sync(journal *j, errmsg *e);
 int journal_run(journal *j, errmsg *e);
 int journal_set_steps(journal *j, const double steps[2], errmsg *e);
 int journal_begin(journal *j, int i, int jj, errmsg *e);

@@ -6,6 +6,7 @@
 
 #include "camera.h"
 #include "capture.h"
+#include "deadline.h"
 #include "files.h"
 #include "names.h"
 #include "picture_in.h"
@@ -22,9 +23,29 @@ static int look_at(journal_shot *t, const session *s, const char *path, errmsg *
         const picture_levels l = {s->clip_level, s->black_level, s->circle};
         if (picture_shares(&t->clip, &t->black, path, &l, e) != 0) return -1;
     }
-    if (files_sync(path, e) != 0 || sha256_file(t->digest, &t->size, path, e) != 0) return -1;
+    if (sha256_file(t->digest, &t->size, path, e) != 0) return -1;
     if (lstat(path, &st) != 0) return err_errno(e, "%s", path);
     t->mtime_ns = (int64_t)st.st_mtim.tv_sec * 1000000000 + st.st_mtim.tv_nsec;
+    return 0;
+}
+
+int shots_commit(capture_run *r, errmsg *e)
+{
+    const session *s = r->s;
+    const place *p = &r->pending_at;
+    char name[NAME_ROOM], path[4096], temp[4096];
+    if (r->n_pending == 0) return 0;
+    if (journal_sync(r->j, e) != 0) return -1;
+    while (r->n_pending > 0) {
+        int k = r->pending[r->n_pending - 1];
+        const char *from = journal_at(r->j, p->i, p->j)->shot[k].temp;
+        if (name_picture(name, s, p->i, p->j, k, e) != 0 || files_join(path, sizeof path, s->folder, name, e) != 0 ||
+            files_join(temp, sizeof temp, s->folder, from, e) != 0)
+            return -1;
+        if (rename(temp, path) != 0) return err_errno(e, "%s", path);
+        r->n_pending--;
+    }
+    r->committed_s = now_s();
     return 0;
 }
 
@@ -83,9 +104,7 @@ stage_code shot_take(capture_run *r, const place *p, const double arrived[2], in
         return code;
     }
     if (journal_shot_taken(r->j, p->i, p->j, k, &t, name, e) != 0) return STAGE_FAILED;
-    if (rename(temp, path) != 0) {
-        err_errno(e, "%s", path);
-        return STAGE_FAILED;
-    }
-    return files_sync_parent(path, e) == 0 ? STAGE_OK : STAGE_FAILED;
+    r->pending_at = *p;
+    r->pending[r->n_pending++] = k;
+    return now_s() < r->committed_s + 1 || shots_commit(r, e) == 0 ? STAGE_OK : STAGE_FAILED;
 }
