@@ -29,14 +29,14 @@ PYTHON     ?= python3
 PREFIX     ?= /usr/local
 OPT        ?= -O2 -g
 WARN       := -Wall -Wextra -Wshadow -Wconversion -Werror
-SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
 , := ,
+SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
 CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
 CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) -fopenmp -MMD -MP
 CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow -Werror $(SANFLAGS) -MMD -MP
 LDFLAGS    += $(SANFLAGS) -fopenmp -Wl,--as-needed
-LIBS_ILF   := -lOpenEXRCore -lpthread -lm
-LIBS_IMAGE := -lOpenEXRCore -lpng -ljpeg -ltiff -lraw_r -lz -lpthread -lm
+LIBS_ILF   := -lOpenEXRCore -lOpenEXR -lpthread -lm
+LIBS_IMAGE := -lOpenEXRCore -lOpenEXR -lpng -ljpeg -ltiff -lraw_r -lz -lpthread -lm
 
 # ---- programs ------------------------------------------------------------------------------------
 PROGRAMS_ilfmat    := ilfpack ilfinfo ilftrace

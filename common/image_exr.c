@@ -25,6 +25,7 @@ typedef struct exr_state {
     const char *from[4]; /* names of the channels wanted, in our order */
     exr_decode_pipeline_t pipe;
     int pipe_ready;
+    int chunk_x, chunk_y; /* pixel of the picture at which the chunk in the pipe begins */
 } exr_state;
 
 /* What the library said last on this thread; its callback has no better place. */
@@ -120,6 +121,19 @@ static double positive_attr(exr_const_context_t ctx, const char *name)
     return isfinite(v) && v > 0 ? (double)v : 0;
 }
 
+/* Refuse what OpenEXRCore 3.1 gets wrong without saying so: B44 of channels that aren't HALF. */
+static int check_compression(const img_reader *r, const exr_state *s, const exr_attr_chlist_t *list, errmsg *e)
+{
+    exr_compression_t comp = EXR_COMPRESSION_NONE;
+    exr_get_compression(s->ctx, 0, &comp);
+    if (comp != EXR_COMPRESSION_B44 && comp != EXR_COMPRESSION_B44A) return 0;
+    for (int i = 0; i < list->num_channels; i++)
+        if (list->entries[i].pixel_type != EXR_PIXEL_HALF)
+            return img_bad(r, e, "expected half channels with B44 compression, found channel %.40s of another type",
+                           list->entries[i].name.str);
+    return 0;
+}
+
 /* How the picture is cut into chunks; refuses what would take unreasonable memory. */
 static int open_chunks(img_reader *r, exr_state *s, errmsg *e)
 {
@@ -171,7 +185,7 @@ static int exr_open(img_reader *r, errmsg *e)
     rc = exr_get_channels(s->ctx, 0, &list);
     if (rc != EXR_ERR_SUCCESS || !list) return exr_bad(r, e, rc, "no channels");
     int channels = choose_channels(r, s, list, e);
-    if (channels < 0 || img_set_info(r, w, h, channels, 0, e) < 0) return -1;
+    if (channels < 0 || check_compression(r, s, list, e) < 0 || img_set_info(r, w, h, channels, 0, e) < 0) return -1;
     r->info.exposure_s = positive_attr(s->ctx, "expTime");
     r->info.f_number = positive_attr(s->ctx, "aperture");
     r->info.iso = positive_attr(s->ctx, "isoSpeed");
@@ -190,33 +204,75 @@ static void exr_close(img_reader *r)
 
 /* ---- pixels ------------------------------------------------------------------------------------ */
 
-/* Decode one chunk to column x of the band.  cols and rows are what we expect it to hold. */
-static int decode(img_reader *r, exr_state *s, const exr_chunk_info_t *chunk, int x, int cols, int rows, errmsg *e)
+static float half_to_float(uint32_t h)
 {
-    int nc = r->info.channels;
+    uint32_t sign = (h & 0x8000u) << 16, exponent = (h >> 10) & 31, mantissa = h & 0x3ffu, u;
+    float v;
+    if (exponent == 0) {
+        v = (float)mantissa * 0x1p-24f;
+        return sign ? -v : v;
+    }
+    u = sign | (exponent == 31 ? 0x7f800000u : (exponent + 112) << 23) | mantissa << 13;
+    memcpy(&v, &u, sizeof v);
+    return v;
+}
+
+static float sample_at(const uint8_t *p, int type)
+{
+    uint32_t u = (uint32_t)p[0] | (uint32_t)p[1] << 8;
+    float v;
+    if (type == EXR_PIXEL_HALF) return half_to_float(u);
+    u |= (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
+    if (type == EXR_PIXEL_UINT) return (float)u;
+    memcpy(&v, &u, sizeof v);
+    return v;
+}
+
+/* From a chunk as it is stored (line by line, in a line channel by channel, little-endian) to the
+ * band.  Instead of the library's own routines: those of 3.1 go wrong where channels are left out. */
+static exr_result_t unpack(exr_decode_pipeline_t *pipe)
+{
+    const img_reader *r = pipe->decoding_user_data;
+    const exr_state *s = r->state;
+    const uint8_t *p = pipe->unpacked_buffer, *end = p + pipe->chunk.unpacked_size;
+    size_t nc = (size_t)r->info.channels, stride = (size_t)r->info.width * nc;
+    for (int y = 0; y < pipe->chunk.height; y++) {
+        int64_t line = (int64_t)s->window.min.y + s->chunk_y + y;
+        for (int c = 0; c < pipe->channel_count; c++) {
+            const exr_coding_channel_info_t *ch = &pipe->channels[c];
+            size_t bytes = (size_t)ch->bytes_per_element, n = (size_t)ch->width;
+            if (ch->y_samples > 1 && line % ch->y_samples != 0) continue;
+            if ((size_t)(end - p) < n * bytes) return EXR_ERR_CORRUPT_CHUNK;
+            for (size_t k = 0; k < nc; k++) {
+                if (strcmp(ch->channel_name, s->from[k]) != 0) continue;
+                float *to = s->band + (size_t)y * stride + (size_t)s->chunk_x * nc + k;
+                for (size_t x = 0; x < n; x++) to[x * nc] = sample_at(p + x * bytes, ch->data_type);
+            }
+            p += n * bytes;
+        }
+    }
+    return EXR_ERR_SUCCESS;
+}
+
+/* Decode one chunk to column x of the band that begins at row first; it must hold cols x rows pixels. */
+static int decode(img_reader *r, exr_state *s, const exr_chunk_info_t *chunk, int x, int first, int cols, int rows,
+                  errmsg *e)
+{
     if (chunk->width != cols || chunk->height != rows)
         return img_bad(r, e, "broken OpenEXR file: expected a chunk of %dx%d pixels, found %dx%d", cols, rows,
                        chunk->width, chunk->height);
     exr_result_t rc = s->pipe_ready ? exr_decoding_update(s->ctx, 0, chunk, &s->pipe)
                                     : exr_decoding_initialize(s->ctx, 0, chunk, &s->pipe);
     if (rc != EXR_ERR_SUCCESS) return exr_bad(r, e, rc, "chunk");
-    for (int c = 0; c < s->pipe.channel_count; c++) {
-        exr_coding_channel_info_t *ch = &s->pipe.channels[c];
-        ch->decode_to_ptr = NULL;
-        for (int k = 0; k < nc; k++) {
-            if (strcmp(ch->channel_name, s->from[k]) != 0) continue;
-            ch->user_data_type = EXR_PIXEL_FLOAT;
-            ch->user_bytes_per_element = sizeof(float);
-            ch->user_pixel_stride = nc * (int)sizeof(float);
-            ch->user_line_stride = r->info.width * nc * (int)sizeof(float);
-            ch->decode_to_ptr = (uint8_t *)(s->band + (size_t)x * (size_t)nc + (size_t)k);
-        }
-    }
-    if (!s->pipe_ready) {
+    if (!s->pipe_ready) { /* the library's choice of how to read and decompress */
         s->pipe_ready = 1;
         rc = exr_decoding_choose_default_routines(s->ctx, 0, &s->pipe);
         if (rc != EXR_ERR_SUCCESS) return exr_bad(r, e, rc, "chunk");
     }
+    s->chunk_x = x;
+    s->chunk_y = first;
+    s->pipe.decoding_user_data = r;
+    s->pipe.unpack_and_convert_fn = unpack;
     rc = exr_decoding_run(s->ctx, 0, &s->pipe);
     return rc == EXR_ERR_SUCCESS ? 0 : exr_bad(r, e, rc, "pixels");
 }
@@ -231,13 +287,13 @@ static int read_band(img_reader *r, exr_state *s, errmsg *e)
     if (!s->tiled) {
         rc = exr_read_scanline_chunk_info(s->ctx, 0, s->window.min.y + first, &chunk);
         if (rc != EXR_ERR_SUCCESS) return exr_bad(r, e, rc, "row missing");
-        return decode(r, s, &chunk, 0, w, rows, e);
+        return decode(r, s, &chunk, 0, first, w, rows, e);
     }
     for (int x = 0; x < w; x += s->tile_w) {
         int cols = w - x < s->tile_w ? w - x : s->tile_w;
         rc = exr_read_tile_chunk_info(s->ctx, 0, x / s->tile_w, first / s->band_rows, 0, 0, &chunk);
         if (rc != EXR_ERR_SUCCESS) return exr_bad(r, e, rc, "tile missing");
-        if (decode(r, s, &chunk, x, cols, rows, e) < 0) return -1;
+        if (decode(r, s, &chunk, x, first, cols, rows, e) < 0) return -1;
     }
     return 0;
 }

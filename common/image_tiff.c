@@ -139,6 +139,7 @@ static int tiff_open(img_reader *r, errmsg *e)
     last_words[0] = 0;
     int fd = dup(fileno(r->f)); /* TIFFClose closes it */
     if (fd < 0) return img_bad(r, e, "too many open files");
+    lseek(fd, 0, SEEK_SET);
     s->tif = TIFFFdOpen(fd, r->path, "rm"); /* m: not mapped, so that a shrinking file is no SIGBUS */
     if (!s->tif) {
         close(fd);

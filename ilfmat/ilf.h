@@ -56,6 +56,7 @@ typedef struct ilf_frame {
     double origin[3]; /* position of probe (0, 0) */
     double u[3], v[3], n[3];
     double len_u, len_v; /* |U|, |V|: edge lengths of the sampled rectangle */
+    double cos_uv;       /* u.v: up to 1e-4 off a right angle is allowed */
 } ilf_frame;
 
 /* Build a frame from the plane's origin and edge vectors.  normal may be NULL (n = u x v) or
@@ -78,7 +79,7 @@ typedef struct ilf_info {
     const char *compression; /* OpenEXR's name: "none", "zip", ...; static */
     float origin[3], U[3], V[3];
     double polar_max;      /* polar angle at the map's lower edge, (0, pi] */
-    double polar_valid;    /* beyond it lookups hold the value at it; <= polar_max */
+    double polar_valid;    /* beyond it lookups hold the value at it; at most polar_max here */
     int64_t file_bytes;
 } ilf_info;
 
@@ -125,6 +126,78 @@ typedef enum ilf_mode {
 ilf_status ilf_eval(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3],
                     const double dir[3], const double *hit, ilf_mode mode, ilf_error *err);
 
+/* ---- sampling -----------------------------------------------------------------------------
+ *
+ * A light field is split by luminance at a threshold T into a smooth base and an excess,
+ *     L = min(L, T) + max(L - T, 0)        (colour kept: both parts have L's chromaticity)
+ * of which the excess is small in solid angle and worth aiming at.  What is bright at a point is a
+ * two-dimensional slice of the four-dimensional field; slices are built per cube of space on first
+ * use, from a list of the probes' bright patches, and never miss a patch that only a part of
+ * the cube sees.  A sampler belongs to one thread; its field must stay open. */
+
+typedef struct ilf_sampler ilf_sampler;
+typedef struct ilf_slice ilf_slice;
+
+/* Where a ray from the plane meets the auxiliary geometry: 1 and the point, or 0 when it meets none (the
+ * light then counts as infinitely far away).  Coordinates as the frame's. */
+typedef int ilf_hit_fn(double hit[3], const double origin[3], const double dir[3], void *context);
+
+typedef struct ilf_sampler_spec {
+    ilf_mode mode;      /* as lookups will use */
+    ilf_hit_fn *hit;    /* for ILF_DEPTH; NULL: the light is infinitely far away */
+    void *context;      /* for hit */
+    double threshold;   /* T as luminance of ilf_luminance; 0: 3 times the field's mean */
+    double cube;        /* edge of the cubes of space; 0: from the probes' pitch */
+} ilf_sampler_spec;
+
+/* Find what is bright in the field: every probe is looked through once.  NaN texels are
+ * refused as in lookups. */
+ilf_status ilf_sampler_open(ilf_sampler **sampler, const ilf *field, const ilf_frame *frame,
+                            const ilf_sampler_spec *spec, ilf_error *err);
+void ilf_sampler_close(ilf_sampler *sampler); /* NULL allowed */
+
+double ilf_sampler_threshold(const ilf_sampler *sampler);
+int64_t ilf_sampler_patches(const ilf_sampler *sampler); /* 0: nothing exceeds the threshold */
+int64_t ilf_sampler_slices(const ilf_sampler *sampler);  /* built so far */
+
+/* Radiance's luminance of a colour, without the 179 lm/W. */
+static inline double ilf_luminance(const float rgb[3])
+{
+    return 0.265 * (double)rgb[0] + 0.670 * (double)rgb[1] + 0.065 * (double)rgb[2];
+}
+
+/* The part of a radiance that is excess over the threshold, 0 to 1: excess = part * rgb, base = (1 - part) * rgb. */
+static inline double ilf_excess_part(const float rgb[3], double threshold)
+{
+    const double y = ilf_luminance(rgb);
+
+    return y > threshold ? 1 - threshold / y : 0;
+}
+
+/* The slice of the excess that the cube around a point sees.  *slice is NULL where nothing bright
+ * reaches; else it is owned by the sampler and valid until the next call. */
+ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *sampler, const double point[3], ilf_error *err);
+
+/* One direction drawn from a slice. */
+typedef struct ilf_draw {
+    double dir[3];   /* unit vector in the plane's own coordinates (u, v, n), n > 0 */
+    double pdf;      /* density per steradian */
+    double distance; /* about how far away the light there is; HUGE_VAL: no light is expected there */
+    double bound;    /* largest excess luminance that the cube may see there */
+} ilf_draw;
+
+/* Draw a direction distributed as the slice's map: u in [0, 1) runs through the map along a
+ * space-filling curve, (v, w) in [0, 1)^2 place it within a cell. */
+void ilf_sample(ilf_draw *draw, const ilf_slice *slice, double u, double v, double w);
+
+/* The density per steradian with which ilf_sample draws a direction (plane's coordinates, any length). */
+double ilf_pdf(const ilf_slice *slice, const double dir[3]);
+
+/* A slice's memory of shadow tests, for adapting their number: kept apart from the estimate itself, so
+ * that adapting does not bias it. */
+void ilf_slice_record(ilf_slice *slice, double visible, double tests);
+void ilf_slice_history(const ilf_slice *slice, double *visible, double *tests);
+
 /* ---- writing ------------------------------------------------------------------------------ */
 
 typedef struct ilf_spec {
@@ -133,7 +206,7 @@ typedef struct ilf_spec {
     double polar_max;             /* (0, pi] */
     double polar_valid;           /* 0: none stated */
     ilf_type type;
-    const char *compression;      /* none rle zips zip piz pxr24 b44 b44a dwaa dwab */
+    const char *compression;      /* none rle zips zip piz pxr24 b44 b44a; NULL: none */
     const char *comments;         /* or NULL */
     const char *owner;            /* or NULL */
     const char *cap_date;         /* "YYYY:MM:DD HH:MM:SS" or NULL */

@@ -62,7 +62,7 @@ static void add_probe(double rgb[3], const ilf *f, const probe *p, vec d, double
     double phi = atan2(sqrt(d.u * d.u + d.v * d.v), d.n);
     const double theta = atan2(d.v, d.u);
 
-    phi = fmin(phi, fmin(f->info.polar_valid, f->info.polar_max));
+    phi = fmin(phi, f->info.polar_valid);
 
     /* column: theta wraps */
     const double fx = (theta + ILF_PI) * (nt / (2 * ILF_PI)) - 0.5;
@@ -139,7 +139,8 @@ ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const doubl
         if (st != ILF_OK) return st;
         vec look = d;
         if (hit && mode == ILF_DEPTH) {
-            const vec to = {h.u - probe_position(i, fr->len_u, n_u), h.v - probe_position(j, fr->len_v, n_v), h.n};
+            const double qu = probe_position(i, fr->len_u, n_u), qv = probe_position(j, fr->len_v, n_v);
+            const vec to = {h.u - qu - qv * fr->cos_uv, h.v - qv - qu * fr->cos_uv, h.n};
             const double dist = largest(to);
             if (dist > 0) look = scaled(to, 1 / dist);
         }

@@ -109,6 +109,7 @@ static ilf_status read_attributes(ilf *f, ilf_error *err)
     if ((st = attribute(f, "ilf:polarValid", EXR_ATTR_FLOAT, "float", 1, &a, err)) != ILF_OK) return st;
     if (a) f->info.polar_valid = (double)a->f;
     if ((st = ilf_check_polar(f->info.polar_max, f->info.polar_valid, f->path, err)) != ILF_OK) return st;
+    f->info.polar_valid = fmin(f->info.polar_valid, f->info.polar_max);
     f->full_sphere = ilf_is_full_sphere(f->info.polar_max);
 
     double o[3], u[3], v[3];
@@ -157,6 +158,7 @@ static ilf_status read_layout(ilf *f, ilf_error *err)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: compression: expected one that OpenEXR knows, found number %d", f->path,
                         (int)compression);
     f->info.compression = ilf_compression_names[compression];
+    f->is_dwa = compression == EXR_COMPRESSION_DWAA || compression == EXR_COMPRESSION_DWAB;
     return ILF_OK;
 }
 
@@ -184,8 +186,8 @@ static ilf_status read_channels(ilf *f, ilf_error *err)
         if (found[c] < 0)
             return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected R, G, B, found no %s", f->path, names[c]);
     f->uniform = half == 0 || half == 3;
-    f->is_half = half == 3;
-    f->info.type = f->is_half ? ILF_HALF : ILF_FLOAT;
+    f->is_half = half == 3 || f->is_dwa; /* DWA keeps no more than a half's precision */
+    f->info.type = half == 3 ? ILF_HALF : ILF_FLOAT;
     f->texel_bytes = f->is_half ? 2 : 4;
     for (int c = 0; c < 3; c++) f->chan_offset[c] = (size_t)found[c] * (size_t)f->info.n_theta * f->texel_bytes;
     f->row_bytes = 3 * (size_t)f->info.n_theta * f->texel_bytes;

@@ -70,6 +70,8 @@ ilf_status ilf_frame_init(ilf_frame *frame, const double origin[3], const double
     if (fabs(uv) > 1e-4)
         return ilf_fail(err, ILF_ERR_ARG, "U, V: expected perpendicular vectors, found U.V = %.3g |U||V|", uv);
 
+    f.cos_uv = uv;
+
     double n[3];
     cross(n, f.u, f.v);
     unit(f.n, n);
@@ -100,9 +102,9 @@ ilf_status ilf_check_polar(double polar_max, double polar_valid, const char *pat
     if (!(polar_max > 0 && (polar_max < ILF_PI || ilf_is_full_sphere(polar_max))))
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: ilf:polarMax: expected an angle in (0, pi] radians, found %g", path,
                         polar_max);
-    if (!(polar_valid > 0 && polar_valid <= polar_max + 1e-6))
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: ilf:polarValid: expected an angle in (0, ilf:polarMax = %g], found %g",
-                        path, polar_max, polar_valid);
+    if (!(polar_valid > 0 && isfinite(polar_valid)))
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: ilf:polarValid: expected an angle above 0 radians, found %g", path,
+                        polar_valid);
     return ILF_OK;
 }
 

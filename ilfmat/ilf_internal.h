@@ -46,6 +46,7 @@ struct ilf {
     int is_half;          /* texels in memory */
     size_t texel_bytes, row_bytes, probe_bytes;
     size_t chan_offset[3];
+    int is_dwa;           /* compressed with DWA, which has a decoder of its own */
     int uniform;          /* all channels of one type: raw tiles can be used in place */
     probe *probes;        /* n_u*n_v, i fastest */
     pthread_mutex_t lock; /* held while a probe is read */
@@ -65,6 +66,9 @@ int ilf_is_full_sphere(double polar_max);
 
 /* The names of OpenEXR's compressions, by exr_compression_t; NULL-terminated. */
 extern const char *const ilf_compression_names[];
+
+/* Decode tile (i, j) of a DWA-compressed file to halves in our layout (ilf_dwa.c). */
+ilf_status ilf_decode_dwa(const ilf *field, int i, int j, uint16_t *pix, ilf_error *err);
 
 /* Make probe k ready (ilf_probe.c).  Cheap when it is. */
 ilf_status ilf_load_probe(const ilf *field, int64_t k, ilf_error *err);

@@ -8,8 +8,10 @@
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
-#include "ilf_internal.h"
+#include "ilf_sampler.h"
 
 /* Where texel bytes say NaN or infinity: all exponent bits set. */
 static int64_t first_bad(const unsigned char *pix, size_t bytes, int is_half)
@@ -79,10 +81,10 @@ static ilf_status check_unchanged(const ilf *f, ilf_error *err)
     return ILF_OK;
 }
 
-static ilf_status bring_in(ilf *f, int64_t k, ilf_error *err)
+/* Texels of probe k, checked: in the mapped file, or decoded into *own.  Under the lock. */
+static ilf_status get_tile(ilf *f, int64_t k, const unsigned char **pix, void **own, ilf_error *err)
 {
     const int i = (int)(k % f->info.n_u), j = (int)(k / f->info.n_u);
-    probe *p = &f->probes[k];
     exr_chunk_info_t chunk;
     char where[64];
     ilf_status st = check_unchanged(f, err);
@@ -98,32 +100,44 @@ static ilf_status bring_in(ilf *f, int64_t k, ilf_error *err)
         chunk.packed_size > (uint64_t)f->info.file_bytes - chunk.data_offset)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected a tile inside the file, found it truncated", f->path, where);
 
-    const unsigned char *pix;
-    void *decoded = NULL;
+    *own = NULL;
     if (f->map && f->uniform && chunk.packed_size == f->probe_bytes && chunk.unpacked_size == f->probe_bytes)
-        pix = f->map + chunk.data_offset;
+        *pix = f->map + chunk.data_offset;
     else {
-        if (!(decoded = malloc(f->probe_bytes)))
+        if (!(*own = malloc(f->probe_bytes)))
             return ilf_fail(err, ILF_ERR_MEMORY, "%s: %s: no memory for %zu bytes", f->path, where, f->probe_bytes);
-        if ((st = decode(f, &chunk, decoded, where, err)) != ILF_OK) {
-            free(decoded);
+        st = f->is_dwa ? ilf_decode_dwa(f, i, j, *own, err) : decode(f, &chunk, *own, where, err);
+        if (st != ILF_OK) {
+            free(*own);
             return st;
         }
-        pix = decoded;
+        *pix = *own;
     }
-    const int64_t bad = first_bad(pix, f->probe_bytes, f->is_half);
+    const int64_t bad = first_bad(*pix, f->probe_bytes, f->is_half);
     if (bad >= 0) {
         const size_t y = (size_t)bad / f->row_bytes, rest = (size_t)bad % f->row_bytes / f->texel_bytes;
-        free(decoded);
+        free(*own);
         return ilf_fail(err, ILF_ERR_VALUE, "%s: %s, pixel (%zu,%zu): expected a finite value, found NaN or infinity",
                         f->path, where, rest % (size_t)f->info.n_theta, y);
     }
+    return ILF_OK;
+}
+
+static ilf_status bring_in(ilf *f, int64_t k, ilf_error *err)
+{
+    const unsigned char *pix;
+    probe *p = &f->probes[k];
+    const ilf_status st = get_tile(f, k, &pix, &p->decoded, err);
+
+    if (st != ILF_OK) {
+        p->decoded = NULL;
+        return st;
+    }
     p->pix = pix;
-    p->decoded = decoded;
     row_mean(p->pole[0], f, pix);
     row_mean(p->pole[1], f, pix + (size_t)(f->info.n_phi - 1) * f->row_bytes);
     f->usage.probes++;
-    *(decoded ? &f->usage.decoded_bytes : &f->usage.mapped_bytes) += (int64_t)f->probe_bytes;
+    *(p->decoded ? &f->usage.decoded_bytes : &f->usage.mapped_bytes) += (int64_t)f->probe_bytes;
     atomic_store_explicit(&p->state, PROBE_READY, memory_order_release);
     return ILF_OK;
 }
@@ -138,6 +152,31 @@ ilf_status ilf_load_probe(const ilf *field, int64_t k, ilf_error *err)
     if (atomic_load_explicit(&f->probes[k].state, memory_order_relaxed) != PROBE_READY) st = bring_in(f, k, err);
     pthread_mutex_unlock(&f->lock);
     return st;
+}
+
+ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix, void **own, ilf_error *err)
+{
+    ilf *f = (ilf *)(uintptr_t)field;
+    ilf_status st = ILF_OK;
+
+    *own = NULL;
+    pthread_mutex_lock(&f->lock);
+    if (atomic_load_explicit(&f->probes[k].state, memory_order_relaxed) == PROBE_READY)
+        *pix = f->probes[k].pix;
+    else
+        st = get_tile(f, k, pix, own, err);
+    pthread_mutex_unlock(&f->lock);
+    return st;
+}
+
+void ilf_unpeek_probe(const ilf *f, const unsigned char *pix, void *own)
+{
+    free(own);
+    if (own || !f->map) return;
+    /* a look through the whole file should not stay in memory: give back the pages that are the probe's alone */
+    const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
+    const uintptr_t from = ((uintptr_t)pix + page - 1) & ~(page - 1), to = ((uintptr_t)pix + f->probe_bytes) & ~(page - 1);
+    if (to > from) madvise((void *)from, to - from, MADV_DONTNEED);
 }
 
 ilf_status ilf_read_probe(float *rgb, const ilf *f, int i, int j, ilf_error *err)

@@ -64,9 +64,11 @@ static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compressio
                         s->n_v, s->n_theta, s->n_phi);
     while (ilf_compression_names[k] && strcmp(ilf_compression_names[k], name) != 0) k++;
     if (!ilf_compression_names[k])
-        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: expected none, rle, zips, zip, piz, pxr24, b44, b44a, dwaa or dwab, "
+        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: expected none, rle, zips, zip, piz, pxr24, b44 or b44a, "
                         "found %s", path, name);
     *compression = (exr_compression_t)k;
+    if (*compression == EXR_COMPRESSION_DWAA || *compression == EXR_COMPRESSION_DWAB)
+        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: %s can be read but not written; expected another", path, name);
     ilf_status st = ilf_check_polar(s->polar_max, s->polar_valid > 0 ? s->polar_valid : s->polar_max, path, err);
     if (st == ILF_OK) st = ilf_check_plane(&frame, s->origin, s->U, s->V, path, err);
     for (int c = 0; c < 3 && st == ILF_OK; c++)

@@ -30,7 +30,7 @@ static const cli_opt options[] = {
      "nine numbers: position of probe (0,0), then the edges U and V of the\nsampled rectangle, in the scene's unit"},
     {"type", 't', CLI_STRING, &type_name, NULL, "half|float", "texels in the file (default half)"},
     {"compression", 'c', CLI_STRING, &compression, NULL, "NAME",
-     "none rle zips zip piz pxr24 b44 b44a dwaa dwab (default none: renderers\nthen share the file's own bytes)"},
+     "none rle zips zip piz pxr24 b44 b44a (default none: renderers then\nshare the file's own bytes)"},
     {"polar-max", 0, CLI_DOUBLE, &polar_max_deg, NULL, "DEG",
      "polar angle at the probes' lower edge (default: as the first probe's\nilf:polarMax says, else 90)"},
     {"polar-valid", 0, CLI_DOUBLE, &polar_valid_deg, NULL, "DEG",
@@ -111,11 +111,15 @@ static void load_probe(img *im, const char *path)
 
 static void check_usage(int operands)
 {
+    ilf_frame frame;
+    ilf_error bad;
     errmsg err;
 
     if (!n_u) cli_fail(CLI_USAGE, "expected --grid NxM; try 'ilfpack --help'");
     if (!plane_text) cli_fail(CLI_USAGE, "expected --plane \"O U V\"; try 'ilfpack --help'");
     if (cli_parse_doubles(plane, 9, plane_text, " ", &err) != 0) cli_fail(CLI_USAGE, "--plane: %s", err.text);
+    if (ilf_frame_init(&frame, plane, plane + 3, plane + 6, NULL, &bad) != ILF_OK)
+        cli_fail(CLI_USAGE, "--plane: %s", bad.text);
     if (!target) cli_fail(CLI_USAGE, "expected -o OUT.ilf.exr; try 'ilfpack --help'");
     if (strcmp(type_name, "half") != 0 && strcmp(type_name, "float") != 0)
         cli_fail(CLI_USAGE, "--type: expected half or float, found %s", type_name);

@@ -88,6 +88,9 @@ int main(int argc, char **argv)
             cli_fail(CLI_FAILED, "standard input, line %ld: expected 9 numbers, found %s", number,
                      bad < 0 ? "more" : bad == 10 ? "none" : "fewer");
         }
+        for (int k = 0; k < 6; k++)
+            if (!isfinite(ray[k]))
+                cli_fail(CLI_FAILED, "standard input, line %ld: expected finite numbers, found %g", number, ray[k]);
         const int at_infinity = isinf(ray[6]) && isinf(ray[7]) && isinf(ray[8]);
         if (ilf_eval(rgb, field, &frame, ray, ray + 3, at_infinity ? NULL : ray + 6, no_depth ? ILF_NO_DEPTH : ILF_DEPTH,
                      &err) != ILF_OK) {

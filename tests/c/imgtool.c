@@ -4,6 +4,7 @@
  *   imgtool probe FILE              what img_probe says
  *   imgtool dump FILE OUT.f32       width height channels, then all floats, whole picture at once
  *   imgtool rows FILE OUT.f32       the same through the row stream, in uneven portions
+ *   imgtool stream FILE             read all rows, one at a time; print peak memory in KiB
  *   imgtool linear FILE OUT.f32     the same after img_linearise_srgb
  *   imgtool convert FILE OUT        img_load, img_write
  */
@@ -26,7 +27,7 @@ static const cli_opt opts[] = {
     {"scale", 0, CLI_DOUBLE, &scale, NULL, "X", "multiply the values before writing"},
     {0},
 };
-static const cli_prog prog = {"imgtool", "probe|dump|rows|linear|convert FILE [OUT]", "Tests picture I/O.", opts, NULL};
+static const cli_prog prog = {"imgtool", "probe|dump|rows|stream|linear|convert FILE [OUT]", "Tests picture I/O.", opts, NULL};
 
 static void print_info(const img_info *i)
 {
@@ -54,7 +55,7 @@ static void load_rows(img *im, const char *path)
     im->info = *i;
     size_t stride = (size_t)i->width * (size_t)i->channels;
     im->pix = malloc(stride * (size_t)i->height * sizeof *im->pix);
-    if (!im->pix) cli_fail(CLI_FAILED, "out of memory");
+    if (!im->pix) cli_fail(CLI_FAILED, "%s: out of memory", path);
     for (int y = 0, step = 1; y < i->height; step = step % 7 + 1) {
         int n = i->height - y < step ? i->height - y : step;
         if (img_reader_rows(r, im->pix + stride * (size_t)y, n, &e) < 0) {
@@ -66,6 +67,25 @@ static void load_rows(img *im, const char *path)
     float past[4];
     if (img_reader_rows(r, past, 1, &e) == 0) cli_fail(CLI_FAILED, "a row beyond the last one was given");
     img_reader_close(r);
+}
+
+static void stream(const char *path)
+{
+    errmsg e;
+    img_reader *r;
+    if (img_reader_open(&r, path, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
+    const img_info *i = img_reader_info(r);
+    float *row = malloc((size_t)i->width * (size_t)i->channels * sizeof *row);
+    if (!row) cli_fail(CLI_FAILED, "out of memory");
+    for (int y = 0; y < i->height; y++)
+        if (img_reader_rows(r, row, 1, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
+    free(row);
+    img_reader_close(r);
+    char line[256];
+    FILE *status = fopen("/proc/self/status", "r"); /* getrusage() counts what was before exec() too */
+    while (status && fgets(line, sizeof line, status))
+        if (strncmp(line, "VmHWM:", 6) == 0) printf("%ld\n", strtol(line + 6, NULL, 10));
+    if (status) fclose(status);
 }
 
 static void write_extra(const img *im, const char *path, img_write_opts *w)
@@ -104,6 +124,10 @@ int main(int argc, char **argv)
         img_info info;
         if (img_probe(&info, file, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
         print_info(&info);
+        return cli_end(CLI_OK);
+    }
+    if (strcmp(what, "stream") == 0) {
+        stream(file);
         return cli_end(CLI_OK);
     }
     img im = {0};

@@ -1,0 +1,43 @@
+/*
+ * ilf_dwa.c - decode the DWA compressions, which OpenEXR 3.1's core library leaves to the older library.
+ *
+ * That library's C interface reads half RGBA tiles.  No precision is lost: DWA itself turns every
+ * channel into halves before it compresses.
+ */
+#include <ImfCRgbaFile.h>
+#include <stdlib.h>
+
+#include "ilf_internal.h"
+
+ilf_status ilf_decode_dwa(const ilf *f, int i, int j, uint16_t *pix, ilf_error *err)
+{
+    const size_t w = (size_t)f->info.n_theta, h = (size_t)f->info.n_phi;
+    ImfRgba *rgba = malloc(w * h * sizeof *rgba);
+    ImfTiledInputFile *in = rgba ? ImfOpenTiledInputFile(f->path) : NULL;
+    ilf_status st = ILF_OK;
+
+    if (!rgba)
+        st = ilf_fail(err, ILF_ERR_MEMORY, "%s: probe (%d,%d): no memory", f->path, i, j);
+    else if (!in)
+        st = ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%d,%d): %s", f->path, i, j, ImfErrorMessage());
+    else {
+        /* the frame buffer's base is where pixel (0,0) of the whole picture would be */
+        ImfRgba *base = rgba - (ptrdiff_t)((size_t)j * h * w) - (ptrdiff_t)((size_t)i * w);
+
+        if (!ImfTiledInputSetFrameBuffer(in, base, 1, w) || !ImfTiledInputReadTile(in, i, j, 0, 0))
+            st = ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%d,%d): expected a whole tile, found: %s", f->path, i, j,
+                          ImfErrorMessage());
+        else
+            for (size_t y = 0; y < h; y++)
+                for (size_t x = 0; x < w; x++) {
+                    const ImfRgba *p = &rgba[y * w + x];
+                    unsigned char *row = (unsigned char *)pix + y * f->row_bytes + 2 * x;
+                    memcpy(row + f->chan_offset[0], &p->r, 2);
+                    memcpy(row + f->chan_offset[1], &p->g, 2);
+                    memcpy(row + f->chan_offset[2], &p->b, 2);
+                }
+    }
+    if (in) ImfCloseTiledInputFile(in);
+    free(rgba);
+    return st;
+}

@@ -1,0 +1,265 @@
+/*
+ * ilf_patches.c - find what is bright in a light field.
+ *
+ * Each probe is looked through once, and texels whose luminance exceeds the threshold are gathered into
+ * patches of about a degree.  A patch is kept as a ball around the place where its light comes from: where
+ * the auxiliary geometry is met if the lookups are depth-corrected, else far away in its direction.
+ *
+ *      ( )  patch's ball          The ball holds all directions in which a bilinear lookup can see the
+ *       \   \                     patch's texels: half a texel more on each side, all of the cap around the
+ *        \  |                     pole for the first row, and down to the horizon for the last row that
+ *     ----q------  plane          is valid.
+ */
+#include <stdlib.h>
+
+#include "ilf_sampler.h"
+
+/* Angular size of a patch that is aimed at, and how many patches are too many. */
+#define PATCH_SIZE (1.0 * ILF_PI / 180)
+#define MAX_PATCHES 24000
+
+/* Light that is infinitely far away is put here, in units of the sampled rectangle's size. */
+#define FAR_AWAY 1e5
+
+/* ---- texels --------------------------------------------------------------------------------- */
+
+/* An upper bound of the row's values: the bits of positive floats and halves order as integers do. */
+static float row_bound(const ilf *f, const unsigned char *row)
+{
+    if (f->is_half) {
+        int16_t m = 0;
+        for (size_t k = 0; k < f->row_bytes; k += 2) {
+            int16_t v;
+            memcpy(&v, row + k, sizeof v);
+            if (v > m) m = v;
+        }
+        return ilf_half_to_float((uint16_t)m);
+    }
+    int32_t m = 0;
+    for (size_t k = 0; k < f->row_bytes; k += 4) {
+        int32_t v;
+        memcpy(&v, row + k, sizeof v);
+        if (v > m) m = v;
+    }
+    float b;
+    memcpy(&b, &m, sizeof b);
+    return b;
+}
+
+static double texel_luminance(const ilf *f, const unsigned char *row, int x)
+{
+    const size_t at = (size_t)x * f->texel_bytes;
+    const float rgb[3] = {ilf_texel(f, row + f->chan_offset[0] + at), ilf_texel(f, row + f->chan_offset[1] + at),
+                          ilf_texel(f, row + f->chan_offset[2] + at)};
+
+    return ilf_luminance(rgb);
+}
+
+/* Rows that lookups above the plane can reach. */
+static int valid_rows(const ilf *f)
+{
+    const double edge = fmin(f->info.polar_valid, ILF_PI / 2) * f->info.n_phi / f->info.polar_max - 0.5;
+    const int rows = (int)ceil(edge) + 1;
+
+    return rows < 1 ? 1 : rows > f->info.n_phi ? f->info.n_phi : rows;
+}
+
+/* Mean luminance over the hemisphere of a few probes spread over the grid (a threshold needs no more). */
+static ilf_status mean_luminance(double *mean, const ilf *f, ilf_error *err)
+{
+    const int most = 6, rows = valid_rows(f), n_u = f->info.n_u, n_v = f->info.n_v;
+    const int k_u = n_u < most ? n_u : most, k_v = n_v < most ? n_v : most;
+    double sum = 0, omega = 0;
+
+    for (int b = 0; b < k_v; b++)
+        for (int a = 0; a < k_u; a++) {
+            const int i = k_u > 1 ? a * (n_u - 1) / (k_u - 1) : 0, j = k_v > 1 ? b * (n_v - 1) / (k_v - 1) : 0;
+            const unsigned char *pix;
+            void *own;
+            const ilf_status st = ilf_peek_probe(f, (int64_t)j * n_u + i, &pix, &own, err);
+
+            if (st != ILF_OK) return st;
+            for (int y = 0; y < rows; y++) {
+                const double step = f->info.polar_max / f->info.n_phi;
+                const double w = cos(y * step) - cos((y + 1) * step);
+                double row = 0;
+                for (int x = 0; x < f->info.n_theta; x++) row += texel_luminance(f, pix + (size_t)y * f->row_bytes, x);
+                sum += w * row / f->info.n_theta;
+                omega += w;
+            }
+            ilf_unpeek_probe(f, pix, own);
+        }
+    *mean = sum / omega;
+    return ILF_OK;
+}
+
+/* ---- geometry ------------------------------------------------------------------------------- */
+
+static void direction(double d[3], double theta, double phi)
+{
+    d[0] = sin(phi) * cos(theta);
+    d[1] = sin(phi) * sin(theta);
+    d[2] = cos(phi);
+}
+
+static void to_world(double w[3], const ilf_frame *fr, const double d[3])
+{
+    for (int c = 0; c < 3; c++) w[c] = d[0] * fr->u[c] + d[1] * fr->v[c] + d[2] * fr->n[c];
+}
+
+static double distance3(const double a[3], const double b[3])
+{
+    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
+}
+
+/* Where light from direction d reaches probe position q (plane's coordinates) from. */
+static void light_from(double p[3], const ilf_sampler *s, const double q[3], const double d[3])
+{
+    const ilf_frame *fr = &s->frame;
+
+    if (s->spec.mode == ILF_DEPTH && s->spec.hit) {
+        double origin[3], dir[3], hit[3];
+
+        to_world(origin, fr, q);
+        for (int c = 0; c < 3; c++) origin[c] += fr->origin[c];
+        to_world(dir, fr, d);
+        if (s->spec.hit(hit, origin, dir, s->spec.context)) {
+            for (int c = 0; c < 3; c++) hit[c] -= fr->origin[c];
+            for (int c = 0; c < 3; c++) {
+                const double *axis = c == 0 ? fr->u : c == 1 ? fr->v : fr->n;
+                p[c] = hit[0] * axis[0] + hit[1] * axis[1] + hit[2] * axis[2];
+            }
+            return;
+        }
+    }
+    const double far = FAR_AWAY * (fr->len_u + fr->len_v);
+    for (int c = 0; c < 3; c++) p[c] = q[c] + far * d[c];
+}
+
+/* The ball for texels [x0, x1) x [y0, y1) of probe (i, j). */
+static void make_patch(patch *p, const ilf_sampler *s, int i, int j, const int x[2], const int y[2], double excess)
+{
+    const ilf_info *in = &s->field->info;
+    const double dt = 2 * ILF_PI / in->n_theta, dp = in->polar_max / in->n_phi;
+    const double q[3] = {in->n_u == 1 ? 0.5 * s->frame.len_u : s->frame.len_u * i / (in->n_u - 1),
+                         in->n_v == 1 ? 0.5 * s->frame.len_v : s->frame.len_v * j / (in->n_v - 1), 0};
+    double lo = (y[0] - 0.5) * dp, hi = (y[1] + 0.5) * dp, d[3], centre[3], radius = 0;
+    const double t0 = (x[0] - 0.5) * dt - ILF_PI, t1 = (x[1] + 0.5) * dt - ILF_PI;
+    const int at_pole = y[0] == 0;
+
+    if (y[1] >= valid_rows(s->field)) hi = fmax(hi, ILF_PI / 2);
+    hi = fmin(hi, ILF_PI);
+    lo = fmax(lo, 0);
+    direction(d, 0.5 * (t0 + t1), at_pole ? 0 : 0.5 * (lo + hi));
+    light_from(centre, s, q, d);
+    for (int k = 0; k < 8; k++) { /* corners and the middles of the sides */
+        static const double along[8] = {0, 0.5, 1, 1, 1, 0.5, 0, 0}, down[8] = {0, 0, 0, 0.5, 1, 1, 1, 0.5};
+        double edge[3];
+
+        if (at_pole)
+            direction(d, k * (ILF_PI / 4), hi);
+        else
+            direction(d, t0 + along[k] * (t1 - t0), lo + down[k] * (hi - lo));
+        light_from(edge, s, q, d);
+        radius = fmax(radius, distance3(edge, centre));
+    }
+    p->u = (float)centre[0], p->v = (float)centre[1], p->n = (float)centre[2];
+    p->radius = (float)(1.05 * radius); /* the rim bulges a little between the points */
+    p->excess = (float)excess;
+    p->i = i, p->j = j;
+}
+
+/* ---- list ----------------------------------------------------------------------------------- */
+
+static patch *add_patch(patch_list *l)
+{
+    if (l->n == l->room) {
+        const size_t room = l->room ? 2 * l->room : 1024;
+        patch *p = realloc(l->p, room * sizeof *p);
+
+        if (!p) return NULL;
+        l->p = p;
+        l->room = room;
+    }
+    return &l->p[l->n++];
+}
+
+/* Largest excess in each block of bx texels of rows [y0, y1); 1 if there is any. */
+static int band_excess(float *block, int bx, int y0, int y1, const ilf_sampler *s, const unsigned char *pix)
+{
+    const ilf *f = s->field;
+    int any = 0;
+
+    for (int y = y0; y < y1; y++) {
+        const unsigned char *row = pix + (size_t)y * f->row_bytes;
+
+        if ((double)row_bound(f, row) <= s->threshold) continue; /* luminance is at most the largest channel */
+        if (!any) memset(block, 0, (size_t)((f->info.n_theta + bx - 1) / bx) * sizeof *block);
+        any = 1;
+        for (int x = 0; x < f->info.n_theta; x++) {
+            const float over = (float)(texel_luminance(f, row, x) - s->threshold);
+            if (over > block[x / bx]) block[x / bx] = over;
+        }
+    }
+    return any;
+}
+
+static ilf_status probe_patches(ilf_sampler *s, int i, int j, double size, float *block, ilf_error *err)
+{
+    const ilf *f = s->field;
+    const double dt = 2 * ILF_PI / f->info.n_theta, dp = f->info.polar_max / f->info.n_phi;
+    const int rows = valid_rows(f), by = dp >= size ? 1 : (int)fmin(size / dp + 0.5, rows);
+    const unsigned char *pix;
+    void *own;
+    ilf_status st = ilf_peek_probe(f, (int64_t)j * f->info.n_u + i, &pix, &own, err);
+
+    if (st != ILF_OK) return st;
+    for (int y0 = 0; y0 < rows && st == ILF_OK; y0 += by) {
+        const int y1 = y0 + by < rows ? y0 + by : rows;
+        const double around = dt * sin((y0 + y1) * 0.5 * dp);
+        const int bx = around * f->info.n_theta <= size ? f->info.n_theta
+                       : around >= size                 ? 1
+                                                        : (int)(size / around + 0.5);
+
+        if (!band_excess(block, bx, y0, y1, s, pix)) continue;
+        for (int x0 = 0; x0 < f->info.n_theta; x0 += bx) {
+            const int x[2] = {x0, x0 + bx < f->info.n_theta ? x0 + bx : f->info.n_theta}, y[2] = {y0, y1};
+
+            if (block[x0 / bx] <= 0) continue;
+            patch *p = add_patch(&s->patches);
+            if (!p) {
+                st = ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for its bright patches", f->path);
+                break;
+            }
+            make_patch(p, s, i, j, x, y, (double)block[x0 / bx]);
+        }
+    }
+    ilf_unpeek_probe(f, pix, own);
+    return st;
+}
+
+ilf_status ilf_find_patches(ilf_sampler *s, ilf_error *err)
+{
+    const ilf *f = s->field;
+    float *block = malloc((size_t)f->info.n_theta * sizeof *block);
+    double size = PATCH_SIZE;
+    ilf_status st = ILF_OK;
+
+    if (!block) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for its bright patches", f->path);
+    if (s->threshold <= 0) {
+        double mean = 0;
+        st = mean_luminance(&mean, f, err);
+        s->threshold = 3 * mean;
+    }
+    for (int again = 1; again && st == ILF_OK; size *= 2) { /* coarser, until there are few enough */
+        again = 0;
+        s->patches.n = 0;
+        for (int j = 0; j < f->info.n_v && st == ILF_OK && !again; j++)
+            for (int i = 0; i < f->info.n_u && st == ILF_OK && !again; i++) {
+                st = probe_patches(s, i, j, size, block, err);
+                again = s->patches.n > MAX_PATCHES && size < ILF_PI / 4;
+            }
+    }
+    free(block);
+    return st;
+}

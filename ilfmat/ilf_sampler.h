@@ -1,0 +1,64 @@
+/*
+ * ilf_sampler.h - what the sampler's files share: bright patches and slices.
+ */
+#ifndef ILF_SAMPLER_H
+#define ILF_SAMPLER_H
+
+#include "ilf_internal.h"
+
+/* The map of a slice: SIDE x SIDE cells of equal solid angle over the hemisphere, numbered along a Morton
+ * curve so that neighbours in number are neighbours in direction. */
+enum { SLICE_BITS = 7, SLICE_SIDE = 1 << SLICE_BITS, SLICE_CELLS = SLICE_SIDE * SLICE_SIDE };
+#define SLICE_OMEGA (2 * ILF_PI / SLICE_CELLS)
+
+/* Part of the draws that goes to all directions alike, in case a patch is not where it seems. */
+#define SLICE_UNIFORM 0.02
+
+/* A probe's bright patch: some texels whose luminance exceeds the threshold, as a ball in the plane's
+ * coordinates (u, v, n; origin at probe (0,0)) around the place where their light comes from. */
+typedef struct patch {
+    float u, v, n;  /* centre */
+    float radius;   /* holds all of the patch, bilinear lookup's half texel included */
+    float excess;   /* largest luminance over the threshold */
+    int i, j;       /* the probe */
+} patch;
+
+typedef struct patch_list {
+    patch *p; /* probe after probe */
+    size_t n, room;
+} patch_list;
+
+struct ilf_slice {
+    int64_t key[3];  /* cube of space */
+    float visible, tests; /* history of shadow tests */
+    float total;     /* sum of the cells' excess luminance */
+    int cells;       /* with light */
+    uint16_t *cell;  /* ascending Morton numbers */
+    float *cdf;      /* cells + 1 values from 0 to 1 */
+    float *distance; /* to the light in each cell */
+};
+
+struct ilf_sampler {
+    const ilf *field;
+    ilf_frame frame;
+    ilf_sampler_spec spec;
+    double threshold, cube;
+    patch_list patches;
+    ilf_slice **table; /* open addressing, table_size a power of two */
+    size_t table_size, used;
+    int64_t built;
+    float (*cell_dir)[3];  /* centres of cells, by row and column */
+    /* scratch of SLICE_CELLS */
+    float *weight, *probe_weight, *far;
+    int *owner;
+    uint16_t *touched;
+};
+
+/* List what exceeds the threshold (ilf_patches.c); threshold 0 is set to 3 times the mean. */
+ilf_status ilf_find_patches(ilf_sampler *s, ilf_error *err);
+
+/* One probe's texels for a single look: in place or decoded into *own (to be freed). */
+ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix, void **own, ilf_error *err);
+void ilf_unpeek_probe(const ilf *field, const unsigned char *pix, void *own);
+
+#endif

@@ -1,0 +1,416 @@
+/*
+ * ilf_slice.c - what is bright as seen from a cube of space, and directions drawn from it.
+ *
+ * The rays through a point are a two-dimensional slice of the light field; the probes nearest to the
+ * point are not its environment.  A patch of probe q shows in direction d from point x with the bilinear
+ * weight that q has where the ray is traced back to the plane:
+ *
+ *             P  patch's ball, seen from x in direction P - x
+ *            /
+ *       x [ ]    cube            foot f = x - x_n (P - x)_uv / (P - x)_n
+ *          /                     weight = tent(f - q) in grid units; over the cube, its largest value
+ *     ----f-----q---  plane
+ *
+ * For all of a cube at once the foot becomes an interval and the ball's cone is widened, so that no patch is
+ * missed that only a part of the cube sees (a miss is what makes a firefly).
+ */
+#include <stdlib.h>
+
+#include "ilf_hemi.h"
+#include "ilf_sampler.h"
+
+enum { TABLE_START = 1 << 10, MAX_CUBES = 1 << 18 };
+
+/* ---- numbering of cells --------------------------------------------------------------------- */
+
+/* Every second bit, and back. */
+static uint32_t spread(uint32_t x)
+{
+    x = (x | x << 4) & 0x0f0fu;
+    x = (x | x << 2) & 0x3333u;
+    return (x | x << 1) & 0x5555u;
+}
+
+static uint32_t gather(uint32_t x)
+{
+    x &= 0x5555u;
+    x = (x | x >> 1) & 0x3333u;
+    x = (x | x >> 2) & 0x0f0fu;
+    return (x | x >> 4) & 0x00ffu;
+}
+
+static uint16_t cell_number(int a, int b)
+{
+    return (uint16_t)(spread((uint32_t)a) | spread((uint32_t)b) << 1);
+}
+
+static int clamp_cell(double x)
+{
+    return x < 0 ? 0 : x >= SLICE_SIDE ? SLICE_SIDE - 1 : (int)x;
+}
+
+/* ---- sampler -------------------------------------------------------------------------------- */
+
+void ilf_sampler_close(ilf_sampler *s)
+{
+    if (!s) return;
+    for (size_t k = 0; s->table && k < s->table_size; k++) free(s->table[k]);
+    free(s->table);
+    free(s->patches.p);
+    free(s->cell_dir);
+    free(s->weight);
+    free(s->probe_weight);
+    free(s->far);
+    free(s->owner);
+    free(s->touched);
+    free(s);
+}
+
+static int make_scratch(ilf_sampler *s)
+{
+    s->table_size = TABLE_START;
+    s->table = calloc(s->table_size, sizeof *s->table);
+    s->cell_dir = malloc(SLICE_CELLS * sizeof *s->cell_dir);
+    s->weight = calloc(SLICE_CELLS, sizeof *s->weight);
+    s->probe_weight = calloc(SLICE_CELLS, sizeof *s->probe_weight);
+    s->far = calloc(SLICE_CELLS, sizeof *s->far);
+    s->owner = calloc(SLICE_CELLS, sizeof *s->owner);
+    s->touched = malloc(SLICE_CELLS * sizeof *s->touched);
+    if (!s->table || !s->cell_dir || !s->weight || !s->probe_weight || !s->far || !s->owner || !s->touched) return -1;
+    for (int b = 0; b < SLICE_SIDE; b++)
+        for (int a = 0; a < SLICE_SIDE; a++) {
+            double d[3];
+            ilf_square_to_hemi(d, (a + 0.5) * 2 / SLICE_SIDE - 1, (b + 0.5) * 2 / SLICE_SIDE - 1);
+            for (int c = 0; c < 3; c++) s->cell_dir[b * SLICE_SIDE + a][c] = (float)d[c];
+        }
+    return 0;
+}
+
+ilf_status ilf_sampler_open(ilf_sampler **sampler, const ilf *field, const ilf_frame *frame,
+                            const ilf_sampler_spec *spec, ilf_error *err)
+{
+    const ilf_info *in = &field->info;
+    ilf_sampler *s = calloc(1, sizeof *s);
+
+    if (!s || make_scratch(s) != 0) {
+        ilf_sampler_close(s);
+        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for sampling", field->path);
+    }
+    s->field = field;
+    s->frame = *frame;
+    s->spec = *spec;
+    s->threshold = spec->threshold;
+    s->cube = spec->cube;
+    if (s->cube <= 0) {
+        /* the probes' pitch: below it the field does not change; a single probe has none */
+        const double pu = frame->len_u / (in->n_u > 1 ? in->n_u - 1 : 16), pv = frame->len_v / (in->n_v > 1 ? in->n_v - 1 : 16);
+        s->cube = sqrt(pu) * sqrt(pv);
+    }
+    const ilf_status st = ilf_find_patches(s, err);
+    if (st != ILF_OK) {
+        ilf_sampler_close(s);
+        return st;
+    }
+    *sampler = s;
+    return ILF_OK;
+}
+
+double ilf_sampler_threshold(const ilf_sampler *s)
+{
+    return s->threshold;
+}
+
+int64_t ilf_sampler_patches(const ilf_sampler *s)
+{
+    return (int64_t)s->patches.n;
+}
+
+int64_t ilf_sampler_slices(const ilf_sampler *s)
+{
+    return s->built;
+}
+
+/* ---- building a slice ----------------------------------------------------------------------- */
+
+/* Largest tent weight of grid node k while the grid coordinate runs over lo..hi, clamped to the grid. */
+static float tent(float lo, float hi, int k, int n)
+{
+    if (n == 1) return 1;
+    const float last = (float)(n - 1), node = (float)k;
+
+    lo = lo < 0 ? 0 : lo > last ? last : lo;
+    hi = hi < 0 ? 0 : hi > last ? last : hi;
+    const float off = node < lo ? lo - node : node > hi ? node - hi : 0;
+    return off < 1 ? 1 - off : 0;
+}
+
+/* Weight that patch p has in the cube of half edge r around x, and its cone from there; 0 if none. */
+static float patch_weight(const ilf_sampler *s, const patch *p, const float x[3], float r)
+{
+    const ilf_info *in = &s->field->info;
+    const float up = p->n - x[2], slack = r + p->radius;
+
+    if (up + slack <= 0) return 0;
+    const float su = (float)(in->n_u - 1) / (float)s->frame.len_u, sv = (float)(in->n_v - 1) / (float)s->frame.len_v;
+    if (up <= 2 * slack) return 1; /* so close that the foot may be anywhere */
+    const float tu = (p->u - x[0]) / up, tv = (p->v - x[1]) / up, k = fabsf(x[2]) / (up - slack);
+    const float spread_u = (1 + fabsf(tu)) * (r * (1 + k) + p->radius * k);
+    const float spread_v = (1 + fabsf(tv)) * (r * (1 + k) + p->radius * k);
+    const float fu = x[0] - x[2] * tu, fv = x[1] - x[2] * tv;
+    const float wu = tent((fu - spread_u) * su, (fu + spread_u) * su, p->i, in->n_u);
+
+    return wu > 0 ? wu * tent((fv - spread_v) * sv, (fv + spread_v) * sv, p->j, in->n_v) : 0;
+}
+
+/* Mark the cells that the patch's cone meets.  Within one probe patches overlap: the larger counts; different
+ * probes' weights add up, as in the lookup. */
+static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, float w, int touched)
+{
+    const double d[3] = {(double)(p->u - x[0]), (double)(p->v - x[1]), (double)(p->n - x[2])};
+    const double dist = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+    const double ball = (double)p->radius + (double)r * 1.7320508; /* a cube's half diagonal */
+    const double half_cell = 1.5 * 1.4142136 / SLICE_SIDE * 1.5708; /* cells are at most that far across */
+    const double cone = ball < dist ? asin(ball / dist) : ILF_PI;
+    const double reach = cone + half_cell;
+    const double unit[3] = {d[0] / dist, d[1] / dist, d[2] / dist};
+    const float value = w * p->excess, near = reach < ILF_PI ? (float)cos(reach) : -1.f;
+    const int owner = p->j * s->field->info.n_u + p->i + 1;
+    double a, b;
+
+    ilf_hemi_to_square(&a, &b, unit);
+    const double below = unit[2] < 0 ? asin(fmin(1, -unit[2])) : 0; /* the centre was lifted to the horizon */
+    const double side = ILF_HEMI_STRETCH * (reach + below);
+    const int a0 = clamp_cell((a - side + 1) * (SLICE_SIDE / 2)), a1 = clamp_cell((a + side + 1) * (SLICE_SIDE / 2));
+    const int b0 = clamp_cell((b - side + 1) * (SLICE_SIDE / 2)), b1 = clamp_cell((b + side + 1) * (SLICE_SIDE / 2));
+    const float du = (float)unit[0], dv = (float)unit[1], dn = (float)unit[2];
+
+    for (int row = b0; row <= b1; row++)
+        for (int col = a0; col <= a1; col++) {
+            const int k = row * SLICE_SIDE + col;
+            const float *c = s->cell_dir[k];
+
+            if (c[0] * du + c[1] * dv + c[2] * dn < near) continue;
+            if (s->owner[k] == 0) s->touched[touched++] = (uint16_t)k;
+            if (s->owner[k] != owner) {
+                s->owner[k] = owner;
+                s->probe_weight[k] = 0;
+            }
+            if (value > s->probe_weight[k]) {
+                s->weight[k] += value - s->probe_weight[k];
+                s->probe_weight[k] = value;
+                s->far[k] = (float)dist;
+            }
+        }
+    return touched;
+}
+
+static int by_number(const void *a, const void *b)
+{
+    return (int)*(const uint16_t *)a - (int)*(const uint16_t *)b;
+}
+
+/* Turn the touched cells into a slice, and clear the scratch. */
+static ilf_slice *collect(ilf_sampler *s, int touched)
+{
+    const size_t n = (size_t)touched;
+    ilf_slice *sl = malloc(sizeof *sl + (2 * n + 1) * sizeof(float) + n * sizeof(uint16_t));
+    double total = 0;
+
+    if (!sl) return NULL;
+    memset(sl, 0, sizeof *sl);
+    sl->cells = touched;
+    sl->cdf = (float *)(sl + 1);
+    sl->distance = sl->cdf + n + 1;
+    sl->cell = (uint16_t *)(sl->distance + n);
+    for (size_t k = 0; k < n; k++) sl->cell[k] = cell_number(s->touched[k] % SLICE_SIDE, s->touched[k] / SLICE_SIDE);
+    qsort(sl->cell, n, sizeof *sl->cell, by_number);
+    for (size_t k = 0; k < n; k++) {
+        const int at = (int)(gather(sl->cell[k]) + gather((uint32_t)sl->cell[k] >> 1) * SLICE_SIDE);
+        sl->cdf[k] = (float)total;
+        sl->distance[k] = s->far[at];
+        total += (double)s->weight[at];
+        s->weight[at] = 0;
+        s->owner[at] = 0;
+    }
+    for (size_t k = 0; k < n; k++) sl->cdf[k] = (float)((double)sl->cdf[k] / total);
+    sl->cdf[n] = 1;
+    sl->total = (float)total;
+    return sl;
+}
+
+static ilf_slice *build(ilf_sampler *s, const int64_t key[3])
+{
+    const double e = s->cube;
+    const float x[3] = {(float)(((double)key[0] + 0.5) * e), (float)(((double)key[1] + 0.5) * e), (float)(((double)key[2] + 0.5) * e)};
+    const float r = (float)(0.5 * e);
+    int touched = 0;
+
+    for (size_t k = 0; k < s->patches.n; k++) {
+        const float w = patch_weight(s, &s->patches.p[k], x, r);
+        if (w > 0) touched = splat(s, &s->patches.p[k], x, r, w, touched);
+    }
+    ilf_slice *sl = collect(s, touched);
+    if (sl) memcpy(sl->key, key, sizeof sl->key);
+    s->built++;
+    return sl;
+}
+
+/* ---- finding a slice ------------------------------------------------------------------------ */
+
+static size_t hash(const int64_t key[3])
+{
+    uint64_t h = (uint64_t)key[0] * 0x9e3779b97f4a7c15u ^ (uint64_t)key[1] * 0xc2b2ae3d27d4eb4fu ^
+                 (uint64_t)key[2] * 0x165667b19e3779f9u;
+
+    h ^= h >> 29;
+    h *= 0xbf58476d1ce4e5b9u;
+    return (size_t)(h ^ h >> 32);
+}
+
+static size_t find(ilf_slice *const *table, size_t size, const int64_t key[3])
+{
+    size_t k = hash(key) & (size - 1);
+
+    while (table[k] && memcmp(table[k]->key, key, sizeof table[k]->key) != 0) k = (k + 1) & (size - 1);
+    return k;
+}
+
+/* Keep the table at most half full; a very large scene starts anew. */
+static int make_room(ilf_sampler *s)
+{
+    if (2 * s->used < s->table_size) return 0;
+    if (s->used >= MAX_CUBES) {
+        for (size_t k = 0; k < s->table_size; k++) free(s->table[k]);
+        memset(s->table, 0, s->table_size * sizeof *s->table);
+        s->used = 0;
+        return 0;
+    }
+    const size_t size = 2 * s->table_size;
+    ilf_slice **t = calloc(size, sizeof *t);
+    if (!t) return -1;
+    for (size_t k = 0; k < s->table_size; k++)
+        if (s->table[k]) t[find(t, size, s->table[k]->key)] = s->table[k];
+    free(s->table);
+    s->table = t;
+    s->table_size = size;
+    return 0;
+}
+
+ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *s, const double point[3], ilf_error *err)
+{
+    const ilf_frame *fr = &s->frame;
+    int64_t key[3];
+
+    *slice = NULL;
+    if (s->patches.n == 0) return ILF_OK;
+    for (int c = 0; c < 3; c++) {
+        const double *axis = c == 0 ? fr->u : c == 1 ? fr->v : fr->n;
+        const double x = (point[0] - fr->origin[0]) * axis[0] + (point[1] - fr->origin[1]) * axis[1] +
+                         (point[2] - fr->origin[2]) * axis[2];
+        const double q = floor(x / s->cube);
+        if (!(fabs(q) < 1e15)) return ilf_fail(err, ILF_ERR_ARG, "point: expected finite coordinates near the light field");
+        key[c] = (int64_t)q;
+    }
+    size_t k = find(s->table, s->table_size, key);
+    if (!s->table[k]) {
+        if (make_room(s) != 0) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
+        k = find(s->table, s->table_size, key);
+        if (!(s->table[k] = build(s, key))) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
+        s->used++;
+    }
+    if (s->table[k]->cells) *slice = s->table[k];
+    return ILF_OK;
+}
+
+/* ---- drawing -------------------------------------------------------------------------------- */
+
+static void from_cell(double d[3], int number, double v, double w)
+{
+    const double a = (double)gather((uint32_t)number) + v, b = (double)gather((uint32_t)number >> 1) + w;
+
+    ilf_square_to_hemi(d, a * 2 / SLICE_SIDE - 1, b * 2 / SLICE_SIDE - 1);
+}
+
+static int cell_of(const double d[3])
+{
+    double a, b;
+
+    ilf_hemi_to_square(&a, &b, d);
+    return cell_number(clamp_cell((a + 1) * (SLICE_SIDE / 2)), clamp_cell((b + 1) * (SLICE_SIDE / 2)));
+}
+
+/* Last k with cdf[k] <= u. */
+static int search_cdf(const ilf_slice *sl, double u)
+{
+    int lo = 0, hi = sl->cells;
+
+    while (hi - lo > 1) {
+        const int mid = (lo + hi) / 2;
+        if ((double)sl->cdf[mid] <= u)
+            lo = mid;
+        else
+            hi = mid;
+    }
+    return lo;
+}
+
+/* Index of a cell in the slice, or -1. */
+static int search_cell(const ilf_slice *sl, int number)
+{
+    int lo = 0, hi = sl->cells;
+
+    while (lo < hi) {
+        const int mid = (lo + hi) / 2;
+        if (sl->cell[mid] < number)
+            lo = mid + 1;
+        else
+            hi = mid;
+    }
+    return lo < sl->cells && sl->cell[lo] == number ? lo : -1;
+}
+
+static double density(const ilf_slice *sl, int k)
+{
+    const double map = k < 0 ? 0 : ((double)sl->cdf[k + 1] - (double)sl->cdf[k]) / SLICE_OMEGA;
+
+    return SLICE_UNIFORM / (2 * ILF_PI) + (1 - SLICE_UNIFORM) * map;
+}
+
+void ilf_sample(ilf_draw *draw, const ilf_slice *sl, double u, double v, double w)
+{
+    int cell, k;
+
+    if (u < SLICE_UNIFORM) {
+        cell = (int)(u / SLICE_UNIFORM * SLICE_CELLS);
+        if (cell >= SLICE_CELLS) cell = SLICE_CELLS - 1;
+        k = search_cell(sl, cell);
+    } else {
+        k = search_cdf(sl, (u - SLICE_UNIFORM) / (1 - SLICE_UNIFORM));
+        cell = sl->cell[k];
+    }
+    from_cell(draw->dir, cell, v, w);
+    draw->pdf = density(sl, k);
+    draw->distance = k < 0 ? HUGE_VAL : (double)sl->distance[k];
+    draw->bound = k < 0 ? 0 : ((double)sl->cdf[k + 1] - (double)sl->cdf[k]) * (double)sl->total;
+}
+
+double ilf_pdf(const ilf_slice *sl, const double dir[3])
+{
+    const double len = sqrt(dir[0] * dir[0] + dir[1] * dir[1] + dir[2] * dir[2]);
+
+    if (!(len > 0) || dir[2] <= 0) return 0;
+    const double d[3] = {dir[0] / len, dir[1] / len, dir[2] / len};
+    return density(sl, search_cell(sl, cell_of(d)));
+}
+
+void ilf_slice_record(ilf_slice *sl, double visible, double tests)
+{
+    sl->visible += (float)visible;
+    sl->tests += (float)tests;
+}
+
+void ilf_slice_history(const ilf_slice *sl, double *visible, double *tests)
+{
+    *visible = (double)sl->visible;
+    *tests = (double)sl->tests;
+}

@@ -1,0 +1,135 @@
+"""What all tests share: where things are, and how a program is run.
+
+ILF_BUILD names the build folder, relative to the project's top (default: build), ILF_SHARED the
+folder with the real photographs (default: ../shared).
+"""
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+TOP = Path(__file__).resolve().parent.parent
+BUILD = (TOP / os.environ.get("ILF_BUILD", "build")).resolve()
+BIN = BUILD / "bin"
+SHARED = (TOP / os.environ.get("ILF_SHARED", "../shared")).resolve()
+FETCHED = TOP / "build" / "bin"     # programs that are fetched, not built, lie here for SAN=1 too
+
+# Radiance's own programs leave their memory to the system; a leak is an error in ours alone.
+HOST = set("""rpict rtrace rcontrib lookamb oconv xform gendaylit pfilt pcomb pcompos pvalue getinfo vwrays rcalc cnt
+    total""".split())
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "sweep: the same comparison on many more rays; set ILF_SWEEP=1 to run it")
+
+
+def pytest_collection_modifyitems(items):
+    if os.environ.get("ILF_SWEEP"):
+        return
+    skip = pytest.mark.skip(reason="a long sweep: set ILF_SWEEP=1 to run it")
+    for item in items:
+        if "sweep" in item.keywords:
+            item.add_marker(skip)
+
+
+def shared_data(name):
+    """The folder of one real data set; the test is skipped where it is not there."""
+    folder = SHARED / "data" / name
+    if not folder.is_dir():
+        pytest.skip(f"real photographs not found: {name} (set ILF_SHARED to the folder that holds data/{name})")
+    return folder
+
+
+def environment(**more):
+    """The environment that `make env` prints."""
+    env = dict(os.environ)
+    env["PATH"] = ":".join(dict.fromkeys([str(BIN), str(FETCHED), env.get("PATH", "")]))
+    lib = ":".join(dict.fromkeys([str(BUILD / "lib"), str(TOP / "build" / "lib")]))
+    env["RAYPATH"] = f".:{lib}"
+    env.setdefault("LC_ALL", "C")
+    env.update(more)
+    return env
+
+
+class Result:
+    """What a program left behind: code, out (bytes), err (text)."""
+
+    def __init__(self, args, code, out, err):
+        self.args, self.code, self.out, self.err = args, code, out, err
+
+    @property
+    def text(self):
+        return self.out.decode("utf-8", "replace")
+
+    def __repr__(self):
+        return f"<{' '.join(self.args)}: exit {self.code}; {self.err[-2000:]!r}>"
+
+
+def command(program, args):
+    """The program's path and arguments, where it was built; the test fails if it was not."""
+    path = BIN / program
+    if not path.is_file() and not (FETCHED / program).is_file():
+        pytest.fail(f"{program} is not built: run make first")
+    return [str(path if path.is_file() else FETCHED / program), *map(str, args)]
+
+
+def run(program, *args, stdin=b"", cwd=None, code=0, timeout=120, env=None):
+    """Run one of our programs; fail unless it ends with `code` (None: any code but a signal)."""
+    if isinstance(stdin, str):
+        stdin = stdin.encode()
+    env = dict(env or environment())
+    if program in HOST:
+        env.setdefault("ASAN_OPTIONS", "detect_leaks=0")
+    p = subprocess.run(command(program, args), input=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=cwd,
+                       timeout=timeout, env=env)
+    result = Result([program, *map(str, args)], p.returncode, p.stdout, p.stderr.decode("utf-8", "replace"))
+    if p.returncode < 0:
+        pytest.fail(f"killed by signal {-p.returncode}: {result!r}")
+    for sign in ("AddressSanitizer", "runtime error:", "LeakSanitizer"):
+        if sign in result.err:
+            pytest.fail(f"sanitizer report: {result!r}")
+    if code is not None and p.returncode != code:
+        pytest.fail(f"expected exit {code}: {result!r}")
+    return result
+
+
+MEASURE = """
+import os, sys
+_, status, usage = os.wait4(os.posix_spawn(sys.argv[2], sys.argv[2:], os.environ), 0)
+with open(sys.argv[1], "w") as f:
+    print(usage.ru_maxrss * 1024, os.waitstatus_to_exitcode(status), file=f)
+"""
+
+
+def run_measured(program, *args, stdin=b"", cwd=None, code=0, timeout=120):
+    """As run(), and the process's peak resident memory in bytes.
+
+    A child inherits its parent's peak across fork, so a small interpreter stands between.
+    """
+    with tempfile.NamedTemporaryFile("r") as note:
+        p = subprocess.run([sys.executable, "-ISc", MEASURE, note.name, *command(program, args)], cwd=cwd, timeout=timeout,
+                           input=stdin.encode() if isinstance(stdin, str) else stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                           env=environment())
+        peak, ended = map(int, note.read().split())
+    result = Result([program, *map(str, args)], ended, p.stdout, p.stderr.decode("utf-8", "replace"))
+    if ended != code:
+        pytest.fail(f"expected exit {code}: {result!r}")
+    return result, peak
+
+
+def one_line_error(result, program, *words):
+    """One line on stderr, with the program's name before it and each of the words in it.
+
+    A word may be a tuple: any one of its members will do.  Case does not matter.
+    """
+    lines = [x for x in result.err.splitlines() if x.strip()]
+    assert len(lines) == 1, f"one line expected: {result!r}"
+    assert lines[0].startswith(f"{program}: "), result
+    low = lines[0].lower()
+    for word in words:
+        any_of = word if isinstance(word, tuple) else (word,)
+        assert any(w.lower() in low for w in any_of), f"{any_of} not named: {lines[0]}"
+    return lines[0]

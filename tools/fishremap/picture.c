@@ -1,0 +1,232 @@
+/*
+ * picture.c - the job of remapping one picture: load, correct the falloff, remap, write.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "circle.h"
+#include "falloff.h"
+#include "lensfile.h"
+#include "overlay.h"
+#include "remap.h"
+#include "settings.h"
+#include "slope.h"
+
+#define DEG (M_PI / 180)
+
+double cpu_seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* Mask: white (over half of its scale) keeps, black discards. */
+static int fold_mask(img *im, const char *path, errmsg *e)
+{
+    img m;
+    if (img_load(&m, path, e)) return -1;
+    if (m.info.width != im->info.width || m.info.height != im->info.height) {
+        int w = m.info.width, h = m.info.height;
+        img_free(&m);
+        return err_set(e, "%s: expected a mask of %d x %d pixels, as the picture, found %d x %d", path, im->info.width,
+                       im->info.height, w, h);
+    }
+    float level = (float)(m.info.coded ? m.info.max_code / 2 : 0.5);
+    size_t n = (size_t)m.info.width * (size_t)m.info.height;
+    for (size_t i = 0; i < n; i++)
+        if (!(m.pix[i * (size_t)m.info.channels] >= level)) im->pix[4 * i + 3] = 0;
+    img_free(&m);
+    return 0;
+}
+
+int input_load(img *im, const settings *s, errmsg *e)
+{
+    img a, b;
+    if (img_load(&a, s->in, e)) return -1;
+    img_linearise_srgb(&a);
+    if (img_alloc(&b, a.info.width, a.info.height, 4, e)) {
+        img_free(&a);
+        return -1;
+    }
+    b.info.f_number = a.info.f_number, b.info.exposure_s = a.info.exposure_s, b.info.iso = a.info.iso;
+    int ch = a.info.channels;
+    size_t n = (size_t)a.info.width * (size_t)a.info.height;
+    /* alpha of a coded picture is a code; of a radiometric one a share */
+    float alpha_scale = a.info.coded && a.info.max_code > 0 ? (float)(1 / a.info.max_code) : 1;
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < n; i++) {
+        const float *p = a.pix + i * (size_t)ch;
+        float *q = b.pix + 4 * i;
+        q[0] = p[0], q[1] = ch >= 3 ? p[1] : p[0], q[2] = ch >= 3 ? p[2] : p[0];
+        q[3] = ch == 2 || ch == 4 ? p[ch - 1] * alpha_scale : 1;
+    }
+    img_free(&a);
+    if (s->mask && fold_mask(&b, s->mask, e)) {
+        img_free(&b);
+        return -1;
+    }
+    *im = b;
+    return 0;
+}
+
+/* A disc's place in the picture: given, from the lens file's camera, or the largest that fits. */
+static int place_disc(double *cx, double *cy, double *r, const settings *s, const lens *l, const img *im, errmsg *e)
+{
+    int w = im->info.width, h = im->info.height;
+    *cx = s->have_centre ? s->centre[0] : l->focal_px > 0 ? l->centre_px[0] : w / 2.;
+    *cy = s->have_centre ? s->centre[1] : l->focal_px > 0 ? l->centre_px[1] : h / 2.;
+    *r = s->radius > 0 ? s->radius : l->focal_px > 0 ? l->focal_px / l->scale : (w < h ? w : h) / 2.;
+    if (s->centre_auto) {
+        circle_found f;
+        double known = s->radius > 0 || l->focal_px > 0 ? *r : 0;
+        if (circle_find(&f, im->pix, w, h, s->from == VIEW_BALL ? CIRCLE_BALL : CIRCLE_LENS, known, e)) return -1;
+        *cx = f.x, *cy = f.y;
+        if (!known) *r = f.r;
+    }
+    double dx = fmax(fmax(-*cx, *cx - w), 0), dy = fmax(fmax(-*cy, *cy - h), 0);
+    if (hypot(dx, dy) >= *r)
+        return err_set(e, "%s: expected the image circle to reach into the picture (%d x %d), found centre %g,%g radius %g",
+                       s->in, w, h, *cx, *cy, *r);
+    return 0;
+}
+
+static int make_disc(chart *c, const settings *s, view_kind kind, const img *im, int w, int h, int mirror, errmsg *e)
+{
+    lens l;
+    double cx = w / 2., cy = h / 2., r = (w < h ? w : h) / 2.;
+    if (kind == VIEW_BALL) {
+        double d = s->camera_distance > 0 ? 2 * s->camera_distance / s->diameter : 0;
+        if (lens_sphere(&l, d, e)) return -1;
+    } else if (kind == VIEW_ANGULAR) {
+        memset(&l, 0, sizeof l);
+        l.kind = LENS_EQUIDISTANT;
+        if (lens_finish(&l, M_PI, e)) return -1;
+    } else if (lens_read(&l, s->lens, s->fov_deg, e)) {
+        return -1;
+    }
+    if (im && place_disc(&cx, &cy, &r, s, &l, im, e)) return -1;
+    chart_disc(c, w, h, &l, cx, cy, r, mirror, s->rotate_deg * DEG, s->tilt_deg * DEG, s->tilt_to_deg * DEG);
+    return 0;
+}
+
+/* The chart of the input im, or of the output (im NULL).  The camera's turn and tilt belong to
+ * whichever side is a camera's picture. */
+static int make_chart(chart *c, const settings *s, view_kind kind, const img *im, int mirror, errmsg *e)
+{
+    int w = im ? im->info.width : s->out_w, h = im ? im->info.height : s->out_h;
+    double polar = (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG;
+    switch (kind) {
+    case VIEW_PROBE: chart_probe(c, w, h, polar); return 0;
+    case VIEW_LATLONG: chart_latlong(c, w, h, s->span_deg * DEG, mirror); return 0;
+    default: return make_disc(c, s, kind, im, w, h, mirror, e);
+    }
+}
+
+void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode)
+{
+    if (mode != OUTSIDE_HOLD) return;
+    for (int x = 0; x < w; x++) {
+        int last = -1;
+        for (int y = 0; y < h; y++) {
+            size_t at = (size_t)y * (size_t)w + (size_t)x;
+            if (alpha[at] > 0) last = y;
+            else if (last >= 0) memcpy(rgb + 3 * at, rgb + 3 * ((size_t)last * (size_t)w + (size_t)x), 3 * sizeof(float));
+        }
+        for (int y = h - 1, next = -1; y >= 0; y--) {
+            size_t at = (size_t)y * (size_t)w + (size_t)x;
+            if (alpha[at] > 0) next = y;
+            else if (next >= 0 && rgb[3 * at] == 0 && rgb[3 * at + 1] == 0 && rgb[3 * at + 2] == 0)
+                memcpy(rgb + 3 * at, rgb + 3 * ((size_t)next * (size_t)w + (size_t)x), 3 * sizeof(float));
+        }
+    }
+}
+
+static int write_result(const settings *s, const float *rgb, const float *alpha, int partial, errmsg *e)
+{
+    img im;
+    int ch = partial && s->outside == OUTSIDE_ALPHA ? 4 : 3;
+    if (img_alloc(&im, s->out_w, s->out_h, ch, e)) return -1;
+    size_t n = (size_t)s->out_w * (size_t)s->out_h;
+    for (size_t i = 0; i < n; i++) {
+        memcpy(im.pix + i * (size_t)ch, rgb + 3 * i, 3 * sizeof(float));
+        if (ch == 4) im.pix[4 * i + 3] = alpha[i];
+    }
+    img_write_opts opts = {.type = IMG_FLOAT, .compression = s->compression, .comment = s->command};
+    if (s->half_float == 1) opts.type = IMG_HALF;
+    if (s->half_float < 0) {
+        opts.type = IMG_HALF;
+        for (size_t i = 0; i < 3 * n; i++)
+            if (rgb[i] > 65504 || (rgb[i] != 0 && rgb[i] < 6.2e-5f)) {
+                opts.type = IMG_FLOAT;
+                break;
+            }
+    }
+    int rc = img_write(&im, s->out, &opts, e);
+    img_free(&im);
+    return rc;
+}
+
+int job_picture(outcome *o, const settings *s, errmsg *e)
+{
+    img im;
+    chart src, dst;
+    remap_source ready = {0};
+    int rc = -1, mirror = s->from == VIEW_BALL || s->to == VIEW_BALL;
+    float *rgb = NULL, *alpha = NULL;
+    if (input_load(&im, s, e)) return -1;
+    if (make_chart(&src, s, s->from, &im, mirror, e)) goto done;
+    if (make_chart(&dst, s, s->to, NULL, mirror, e)) goto done;
+    if (s->overlay) {
+        sphere_seen rim = {src.cx, src.cy, src.radius};
+        if (overlay_write(s->overlay, &im, &rim, src.kind == CHART_DISC, e)) goto done;
+    }
+    if (s->falloff) {
+        falloff *f = malloc(sizeof *f);
+        double fn = s->aperture > 0 ? s->aperture : im.info.f_number;
+        int failed = !f || falloff_read(f, s->falloff, src.lens.half, s->falloff_set, fn, e);
+        if (!failed) falloff_apply(im.pix, 4, &src, f);
+        if (!failed && f->chosen[0])
+            snprintf(o->remark, sizeof o->remark, "%s: took the set %s; choose with --aperture or --falloff-set", s->falloff, f->chosen);
+        free(f);
+        if (failed) goto done;
+    }
+    double t0 = cpu_seconds();
+    if (source_prepare(&ready, im.pix, im.info.width, im.info.height, 4, NULL, &src, e)) goto done;
+    double t1 = cpu_seconds();
+    size_t n = (size_t)s->out_w * (size_t)s->out_h;
+    rgb = malloc(n * 3 * sizeof(float)), alpha = malloc(n * sizeof(float));
+    if (!rgb || !alpha) {
+        err_set(e, "out of memory");
+        goto done;
+    }
+    if (remap_run(rgb, alpha, &dst, &src, &ready, e)) goto done;
+    o->cpu_prepare_s = t1 - t0, o->cpu_remap_s = cpu_seconds() - t1;
+    o->cx = src.cx, o->cy = src.cy, o->radius = src.radius;
+    o->bad_pixels = ready.nbad;
+    int partial = 0;
+    double seen = 0, all = 0;
+    for (int y = 0; y < s->out_h; y++)
+        for (int x = 0; x < s->out_w; x++) {
+            size_t at = (size_t)y * (size_t)s->out_w + (size_t)x;
+            double w = chart_pixel_solid_angle(&dst, x, y);
+            partial |= alpha[at] < 1;
+            seen += w * (double)alpha[at], all += w;
+        }
+    o->covered = all > 0 ? seen / all : 0;
+    if (seen == 0) {
+        err_set(e, "%s: expected some of the picture to fall into the output, found none", s->in);
+        goto done;
+    }
+    outside_fill(rgb, alpha, s->out_w, s->out_h, s->outside);
+    rc = write_result(s, rgb, alpha, partial, e);
+done:
+    source_free(&ready);
+    free(rgb);
+    free(alpha);
+    img_free(&im);
+    return rc;
+}

@@ -1,0 +1,48 @@
+/*
+ * remap.h - second-order conservative remap of one picture of directions to another.
+ *
+ * Each destination texel is the solid-angle weighted mean of the source over its footprint:
+ * the texel's outline is carried into the source picture as a polygon, its exact overlap
+ * with every source pixel (overlap.h) weighted with the pixel's solid angle per area (Jacobian
+ * of the lens).  Inside a source pixel radiance is a plane, L + g.(x - centre), with a
+ * limited slope g that neither changes the pixel's mean nor leaves the range of its neighbours
+ * (slope.h); so lamps keep their energy at any size and nothing overshoots.
+ *
+ * A plan holds the weights of one geometry and serves any number of pictures.
+ */
+#ifndef REMAP_H
+#define REMAP_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "chart.h"
+#include "errmsg.h"
+
+/* A picture made ready: 9 floats a pixel: L, gx, gy for R, G, B. */
+#define SRC_FLOATS 9
+typedef struct remap_source {
+    int width, height;
+    float *px;          /* width*height*SRC_FLOATS, owned */
+    unsigned char *bad; /* 1: pixel can't be used (NaN, infinite, masked); NULL if there is none; owned */
+    int64_t nbad;
+} remap_source;
+
+typedef struct remap_plan remap_plan;
+
+/* Weights that take pictures of chart src to chart dst.  skip, if not NULL, marks
+ * source pixels that don't count (width*height bytes).  Held in memory: about 16 bytes per overlap. */
+int remap_plan_new(remap_plan **plan, const chart *dst, const chart *src, const unsigned char *skip, errmsg *e);
+void remap_plan_free(remap_plan *p);
+
+/* rgb: dst width*height*3; alpha (may be NULL): share of the texel's solid angle that the source
+ * covers, 0..1.  Texels that nothing covers are 0. */
+void remap_apply(float *rgb, float *alpha, const remap_plan *p, const remap_source *s);
+
+/* Both at once, row by row, without holding the plan. */
+int remap_run(float *rgb, float *alpha, const chart *dst, const chart *src, const remap_source *s, errmsg *e);
+
+/* Number of overlaps (pixel pieces) in the plan. */
+int64_t remap_plan_size(const remap_plan *p);
+
+#endif

@@ -1,0 +1,67 @@
+/*
+ * settings.h - what the command line of fishremap says, and the two jobs it can name.
+ */
+#ifndef SETTINGS_H
+#define SETTINGS_H
+
+#include "chart.h"
+#include "image.h"
+#include "ilf.h"
+#include "sphere.h"
+
+typedef enum outside_mode { OUTSIDE_ALPHA, OUTSIDE_BLACK, OUTSIDE_HOLD } outside_mode;
+typedef enum view_kind { VIEW_FISHEYE, VIEW_BALL, VIEW_PROBE, VIEW_LATLONG, VIEW_ANGULAR } view_kind;
+
+typedef struct settings {
+    const char *in, *out, *overlay, *report, *mask;
+    const char *command; /* for the output's header */
+    view_kind from, to;
+    const char *lens;
+    double fov_deg;      /* 0: the lens file's */
+    int out_w, out_h;
+    int centre_auto, have_centre;
+    double centre[2], radius; /* pixels; radius 0: not given */
+    const char *falloff, *falloff_set;
+    double aperture;     /* f-number for the falloff's set; 0: the picture's own */
+    double polar_max_deg; /* 0: 90 */
+    double span_deg;     /* latlong's width */
+    double rotate_deg, tilt_deg, tilt_to_deg;
+    outside_mode outside;
+    int half_float;      /* 1 half, 0 float, -1 as it fits */
+    /* mirror spheres */
+    int nu, nv;          /* 0: no array */
+    int corners_auto, ncorners;
+    sphere_seen corner[4];
+    double camera_distance, diameter; /* same unit; distance 0: infinitely far */
+    double reflectance[3];
+    int have_plane;
+    double plane[9];
+    const char *compression;
+} settings;
+
+/* What came out of it, for the caller to print and for --report. */
+typedef struct outcome {
+    double cx, cy, radius;   /* of the image circle, pixels */
+    int64_t bad_pixels;      /* NaN, infinite or masked */
+    double covered;          /* share of the output's solid angle */
+    double cpu_prepare_s, cpu_remap_s;
+    double pitch, polar_valid_deg; /* arrays */
+    char remark[512];        /* worth telling, or "" */
+} outcome;
+
+/* Load the input as linear radiance with mask and alpha folded in: 4 channels. */
+int input_load(img *im, const settings *s, errmsg *e);
+
+/* One picture to another. */
+int job_picture(outcome *o, const settings *s, errmsg *e);
+
+/* Mirror-sphere array to a light field (or, 1x1 without ".ilf.exr", to a probe). */
+int job_array(outcome *o, const settings *s, errmsg *e);
+
+/* Fill texels with alpha 0 as the mode says; rgb w*h*3.  Hold: the nearest covered texel of the
+ * column, upwards first. */
+void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode);
+
+double cpu_seconds(void);
+
+#endif

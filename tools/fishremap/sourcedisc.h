@@ -1,0 +1,28 @@
+/*
+ * sourcedisc.h - the diffuse source in a falloff picture, and flat fields.  Pure.
+ */
+#ifndef SOURCEDISC_H
+#define SOURCEDISC_H
+
+#include "chart.h"
+#include "errmsg.h"
+#include "falloff_fit.h"
+
+typedef struct source_disc {
+    double x, y;      /* centroid, pixels */
+    double theta;     /* its field angle, radians */
+    int pixels;       /* that count: the disc without its border */
+    double value[3];  /* robust mean per channel */
+    double sd[3];     /* relative standard deviation of that mean */
+} source_disc;
+
+/* Find the brightest patch within 12 degrees of field angle theta: pixels above half of its (median-filtered)
+ * peak that hang together, without a border of a fifth of its radius; mean without what lies
+ * beyond 3 robust standard deviations.  pix: 4 floats a pixel, alpha < 1/2 not used. */
+int source_find(source_disc *s, const float *pix, const chart *c, double theta, errmsg *e);
+
+/* Flat field: median per channel of rings, from the axis to the rim of the field; *n readings (at most
+ * max) with the standard deviation of each median. */
+int flat_rings(falloff_reading *r, int *n, int max, const float *pix, const chart *c, errmsg *e);
+
+#endif

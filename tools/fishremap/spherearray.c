@@ -1,0 +1,179 @@
+/*
+ * spherearray.c - the job of turning a photograph of mirror spheres into a light field.
+ *
+ * Every sphere is a lens of its own (lens.h) at its own place in the picture, turned so that +u is
+ * where the grid's first direction runs (paper, section 4.1).
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cli.h"
+#include "outfile.h"
+#include "overlay.h"
+#include "remap.h"
+#include "settings.h"
+#include "slope.h"
+#include "spherefind.h"
+
+#define DEG (M_PI / 180)
+
+/* The window of the picture around a sphere, as a picture of its own. */
+static int cut_window(float **pix, int box[4], const img *im, const sphere_seen *q, errmsg *e)
+{
+    double r = q->r + 2;
+    box[0] = (int)fmax(floor(q->x - r), 0), box[1] = (int)fmax(floor(q->y - r), 0);
+    box[2] = (int)fmin(ceil(q->x + r), im->info.width), box[3] = (int)fmin(ceil(q->y + r), im->info.height);
+    if (box[2] <= box[0] || box[3] <= box[1])
+        return err_set(e, "expected the sphere at %.1f,%.1f radius %.1f to lie in the picture (%d x %d)", q->x, q->y, q->r,
+                       im->info.width, im->info.height);
+    size_t w = (size_t)(box[2] - box[0]), h = (size_t)(box[3] - box[1]);
+    float *p = malloc(w * h * 4 * sizeof(float));
+    if (!p) return err_set(e, "out of memory");
+    for (size_t y = 0; y < h; y++)
+        memcpy(p + y * w * 4, im->pix + (((size_t)box[1] + y) * (size_t)im->info.width + (size_t)box[0]) * 4, w * 4 * sizeof(float));
+    *pix = p;
+    return 0;
+}
+
+static int one_sphere(float *rgb, float *alpha, outcome *o, const settings *s, const img *im, const sphere_seen *q,
+                      double turn, double polar_max, errmsg *e)
+{
+    float *pix = NULL;
+    int box[4];
+    chart src, dst;
+    lens l;
+    remap_source ready;
+    double d = s->camera_distance > 0 ? 2 * s->camera_distance / s->diameter : 0;
+    if (lens_sphere(&l, d, e) || cut_window(&pix, box, im, q, e)) return -1;
+    chart_disc(&src, box[2] - box[0], box[3] - box[1], &l, q->x - box[0], q->y - box[1], q->r, 1, turn, s->tilt_deg * DEG,
+               s->tilt_to_deg * DEG);
+    chart_probe(&dst, s->out_w, s->out_h, polar_max);
+    double t0 = cpu_seconds();
+    int rc = source_prepare(&ready, pix, src.width, src.height, 4, NULL, &src, e);
+    free(pix);
+    if (rc) return -1;
+    double t1 = cpu_seconds();
+    rc = remap_run(rgb, alpha, &dst, &src, &ready, e);
+    o->bad_pixels += ready.nbad;
+    o->cpu_prepare_s += t1 - t0, o->cpu_remap_s += cpu_seconds() - t1;
+    source_free(&ready);
+    size_t n = (size_t)s->out_w * (size_t)s->out_h;
+    for (size_t i = 0; i < 3 * n; i++) rgb[i] = (float)(rgb[i] / s->reflectance[i % 3]);
+    return rc;
+}
+
+static void default_plane(double p[9], int nu, int nv)
+{
+    double q[9] = {0, 0, 0, nu > 1 ? nu - 1 : 1, 0, 0, 0, nv > 1 ? nv - 1 : 1, 0};
+    memcpy(p, q, sizeof q);
+}
+
+static int ilf_words(const ilf_error *ie, const char *out, errmsg *e)
+{
+    return err_set(e, "%s: %s", out, ie->text);
+}
+
+static int write_field(outcome *o, const settings *s, const img *im, const sphere_grid *g, const sphere_seen *q,
+                       double polar_max, double valid, errmsg *e)
+{
+    size_t n = (size_t)s->out_w * (size_t)s->out_h;
+    float *rgb = malloc(n * 3 * sizeof(float)), *alpha = malloc(n * sizeof(float));
+    outfile *out = NULL;
+    ilf_writer *w = NULL;
+    ilf_error ie;
+    int rc = -1;
+    if (!rgb || !alpha) {
+        err_set(e, "out of memory");
+        goto done;
+    }
+    ilf_spec spec = {.n_u = s->nu, .n_v = s->nv, .n_theta = s->out_w, .n_phi = s->out_h, .polar_max = polar_max,
+                     .polar_valid = valid < polar_max ? valid : 0, .type = s->half_float == 1 ? ILF_HALF : ILF_FLOAT,
+                     .compression = s->compression ? s->compression : "zip", .comments = s->command};
+    double plane[9];
+    if (s->have_plane) memcpy(plane, s->plane, sizeof plane);
+    else default_plane(plane, s->nu, s->nv);
+    memcpy(spec.origin, plane, sizeof spec.origin);
+    memcpy(spec.U, plane + 3, sizeof spec.U);
+    memcpy(spec.V, plane + 6, sizeof spec.V);
+    if (out_begin(&out, s->out, e)) goto done;
+    if (ilf_writer_open(&w, out_path(out), &spec, &ie)) {
+        ilf_words(&ie, s->out, e);
+        goto done;
+    }
+    double seen = 0;
+    for (int j = 0; j < s->nv; j++)
+        for (int i = 0; i < s->nu; i++) {
+            double u_angle;
+            sphere_grid_at(&u_angle, g, i, j);
+            if (one_sphere(rgb, alpha, o, s, im, q + i + (size_t)j * (size_t)s->nu, -u_angle, polar_max, e)) goto done;
+            cli_progress("spheres", i + 1.0 + j * s->nu, (double)s->nu * s->nv);
+            for (size_t k = 0; k < n; k++) seen += (double)alpha[k];
+            outside_fill(rgb, alpha, s->out_w, s->out_h, OUTSIDE_HOLD);
+            if (ilf_writer_probe(w, rgb, &ie)) {
+                ilf_words(&ie, s->out, e);
+                goto done;
+            }
+        }
+    o->covered = seen / ((double)n * s->nu * s->nv);
+    ilf_status st = ilf_writer_close(w, &ie);
+    w = NULL;
+    if (st) {
+        ilf_words(&ie, s->out, e);
+        goto done;
+    }
+    rc = out_commit(out, e);
+    out = NULL;
+done:
+    ilf_writer_abort(w);
+    out_abort(out);
+    free(rgb);
+    free(alpha);
+    return rc;
+}
+
+/* Where the spheres are: corners given or found, then every rim. */
+static int locate(sphere_seen *q, sphere_grid *g, outcome *o, const settings *s, const img *im, errmsg *e)
+{
+    sphere_seen corner[4];
+    sphere_fit fit;
+    double rotate = s->rotate_deg * DEG;
+    int w = im->info.width, h = im->info.height, total = s->nu * s->nv;
+    for (int k = 0; k < 4; k++) corner[k] = s->corner[s->ncorners == 1 ? 0 : k];
+    if (s->corners_auto && sphere_find_corners(corner, im->pix, w, h, s->nu, s->nv, rotate, e)) return -1;
+    if (sphere_grid_init(g, s->nu, s->nv, corner, rotate, e)) return -1;
+    for (int k = 0; k < total; k++) q[k] = sphere_grid_at(NULL, g, k % s->nu, k / s->nu);
+    if (total == 1) return 0; /* one sphere is where it is said, or was found, to be */
+    int rc = sphere_refine(q, &fit, g, im->pix, w, h, e);
+    if (rc < 0) return -1;
+    if (rc > 0) snprintf(o->remark, sizeof o->remark, "too few rims to be seen near the corners: the spheres are where the corners put them");
+    else snprintf(o->remark, sizeof o->remark, "rims of %d of %d spheres seen, %.2f pixels about the grid", fit.refined, total, fit.rms);
+    return 0;
+}
+
+int job_array(outcome *o, const settings *s, errmsg *e)
+{
+    img im;
+    sphere_grid g;
+    double polar_max = (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG, valid = polar_max;
+    int total = s->nu * s->nv, rc = -1;
+    if (input_load(&im, s, e)) return -1;
+    sphere_seen *q = malloc(sizeof *q * (size_t)total);
+    if (!q) {
+        err_set(e, "out of memory");
+        goto done;
+    }
+    if (locate(q, &g, o, s, &im, e)) goto done;
+    if (s->overlay && overlay_write(s->overlay, &im, q, total, e)) goto done;
+    if (total > 1) {
+        o->pitch = sphere_grid_pitch(&g);
+        valid = sphere_free_cone(fmax(o->pitch, 1));
+    }
+    o->polar_valid_deg = fmin(valid, polar_max) / DEG;
+    rc = write_field(o, s, &im, &g, q, polar_max, valid, e);
+done:
+    free(q);
+    img_free(&im);
+    return rc;
+}

@@ -1,0 +1,277 @@
+/*
+ * frames.c - see frames.h.  Readers of different exposures run in parallel; each is one thread's at a time.
+ */
+#include "frames.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { STRIP_ROWS = 64, RAW_MAX = 65535 };
+static const int64_t strip_bytes = (int64_t)96 << 20; /* of codes, all exposures together */
+
+typedef struct frame {
+    const char *path;
+    img_reader *r;
+    img_info info;
+    float *rows;     /* one row as the reader gives it */
+    uint16_t *strip; /* strip_rows of codes */
+    uint8_t *kept8;  /* whole picture, or NULL */
+    uint16_t *kept16;
+    FILE *spool;
+    int failed;
+    errmsg why;
+} frame;
+
+struct frames {
+    frames_facts facts;
+    int strip_rows, y, have_all; /* have_all: every row is kept or spooled */
+    int keep, fill[3], has_fill;
+    frame *f;
+};
+
+static size_t row_codes(const frames *f)
+{
+    return (size_t)f->facts.width * (size_t)f->facts.channels;
+}
+
+const frames_facts *frames_get_facts(const frames *f)
+{
+    return &f->facts;
+}
+
+const img_info *frames_info(const frames *f, int k)
+{
+    return &f->f[k].info;
+}
+
+int frames_strip_rows(const frames *f)
+{
+    return f->strip_rows;
+}
+
+void frames_close(frames *f)
+{
+    if (!f)
+        return;
+    for (int k = 0; f->f && k < f->facts.n; k++) {
+        frame *p = &f->f[k];
+        img_reader_close(p->r);
+        free(p->rows);
+        free(p->strip);
+        free(p->kept8);
+        free(p->kept16);
+        if (p->spool)
+            fclose(p->spool);
+    }
+    free(f->f);
+    free(f);
+}
+
+static int colour_channels(const img_info *i)
+{
+    return i->channels >= 3 ? 3 : 1;
+}
+
+static int top_code(const img_info *i)
+{
+    return i->coded ? (int)i->max_code : RAW_MAX;
+}
+
+static int agree(const frames *f, int k, errmsg *e)
+{
+    const img_info *a = &f->f[0].info, *b = &f->f[k].info;
+    const char *path = f->f[k].path, *first = f->f[0].path;
+    if (!b->coded && strcmp(b->format, "raw") != 0)
+        return err_set(e, "%s: expected codes of a camera (PNG, JPEG, TIFF, PNM, raw), found radiance (%s)",
+                       path, b->format);
+    if (b->coded && (b->max_code < 3 || b->max_code > 65535))
+        return err_set(e, "%s: expected codes up to 3..65535, found %g", path, b->max_code);
+    if (a->width != b->width || a->height != b->height)
+        return err_set(e, "%s: expected %dx%d pixels as in %s, found %dx%d", path, a->width, a->height,
+                       first, b->width, b->height);
+    if (colour_channels(a) != colour_channels(b))
+        return err_set(e, "%s: expected a %s image as %s is, found %s", path,
+                       colour_channels(a) == 3 ? "colour" : "grey", first,
+                       colour_channels(b) == 3 ? "colour" : "grey");
+    if (top_code(a) != top_code(b) || a->coded != b->coded)
+        return err_set(e, "%s: expected codes 0..%d as in %s, found 0..%d", path, top_code(a), first,
+                       top_code(b));
+    return 0;
+}
+
+int frames_open(frames **out, char *const *paths, int n, int64_t memory, const int *fill, errmsg *e)
+{
+    frames *f = calloc(1, sizeof *f);
+    if (f)
+        f->f = calloc((size_t)n, sizeof *f->f);
+    if (!f || !f->f)
+        goto memory;
+    f->facts.n = n;
+    for (int k = 0; k < n; k++) {
+        f->f[k].path = paths[k];
+        if (img_reader_open(&f->f[k].r, paths[k], e))
+            goto bad;
+        f->f[k].info = *img_reader_info(f->f[k].r);
+        if (agree(f, k, e))
+            goto bad;
+        if (strcmp(f->f[k].info.format, "raw") == 0) { /* its reader holds the whole picture */
+            img_reader_close(f->f[k].r);
+            f->f[k].r = NULL;
+        }
+    }
+    const img_info *i = &f->f[0].info;
+    f->facts.width = i->width;
+    f->facts.height = i->height;
+    f->facts.channels = colour_channels(i);
+    f->facts.max_code = top_code(i);
+    f->facts.raw = !i->coded;
+    if (fill && f->facts.channels == 3) {
+        f->has_fill = 1;
+        memcpy(f->fill, fill, sizeof f->fill);
+    }
+    int64_t codes = (int64_t)i->width * i->height * f->facts.channels;
+    f->keep = codes * (f->facts.max_code < 256 ? 1 : 2) <= memory / n;
+    int64_t rows = strip_bytes / ((int64_t)row_codes(f) * 2 * n);
+    f->strip_rows = (int)(rows < 1 ? 1 : rows > STRIP_ROWS ? STRIP_ROWS : rows);
+    for (int k = 0; k < n; k++) {
+        frame *p = &f->f[k];
+        p->rows = malloc((size_t)i->width * (size_t)p->info.channels * sizeof *p->rows);
+        p->strip = malloc(row_codes(f) * (size_t)f->strip_rows * sizeof *p->strip);
+        if (!p->rows || !p->strip)
+            goto memory;
+        if (f->keep && f->facts.max_code < 256)
+            p->kept8 = malloc((size_t)codes);
+        else if (f->keep)
+            p->kept16 = malloc((size_t)codes * 2);
+        if (f->keep && !p->kept8 && !p->kept16)
+            goto memory;
+    }
+    *out = f;
+    return 0;
+memory:
+    err_set(e, "out of memory for a series of %d images", n);
+bad:
+    frames_close(f);
+    return -1;
+}
+
+/* One row of the reader's floats as codes. */
+static void to_codes(const frames *f, const frame *p, uint16_t *to)
+{
+    int w = f->facts.width, ch = f->facts.channels, from = p->info.channels;
+    float scale = p->info.coded ? 1 : (float)RAW_MAX, top = (float)f->facts.max_code;
+    for (int x = 0; x < w; x++)
+        for (int c = 0; c < ch; c++) {
+            float v = p->rows[(size_t)x * (size_t)from + (size_t)c] * scale + 0.5f;
+            to[(size_t)x * (size_t)ch + (size_t)c] = (uint16_t)(v > 0 ? v < top ? v : top : 0);
+        }
+    if (!f->has_fill)
+        return;
+    for (int x = 0; x < w; x++, to += 3)
+        if (to[0] == f->fill[0] && to[1] == f->fill[1] && to[2] == f->fill[2])
+            to[0] = to[1] = to[2] = (uint16_t)f->facts.max_code;
+}
+
+static int spool_raw(frames *f, frame *p)
+{
+    size_t n = row_codes(f);
+    if (img_reader_open(&p->r, p->path, &p->why))
+        return -1;
+    p->spool = tmpfile();
+    if (!p->spool)
+        return err_errno(&p->why, "%s: temporary file", p->path);
+    for (int y = 0; y < f->facts.height; y++) {
+        if (img_reader_rows(p->r, p->rows, 1, &p->why))
+            return -1;
+        to_codes(f, p, p->strip);
+        if (fwrite(p->strip, sizeof *p->strip, n, p->spool) != n)
+            return err_errno(&p->why, "%s: temporary file", p->path);
+    }
+    if (fflush(p->spool) || fseeko(p->spool, 0, SEEK_SET))
+        return err_errno(&p->why, "%s: temporary file", p->path);
+    img_reader_close(p->r);
+    p->r = NULL;
+    return 0;
+}
+
+/* Rows [y, y+rows) into p->strip. */
+static int fetch(frames *f, frame *p, int y, int rows)
+{
+    size_t n = row_codes(f), at = (size_t)y * n, all = (size_t)rows * n;
+    if (f->have_all && p->kept8) {
+        for (size_t i = 0; i < all; i++)
+            p->strip[i] = p->kept8[at + i];
+        return 0;
+    }
+    if (f->have_all && p->kept16)
+        return 0; /* frames_next points into kept16 */
+    if (p->spool) {
+        if (fread(p->strip, sizeof *p->strip, all, p->spool) != all)
+            return err_errno(&p->why, "%s: temporary file", p->path);
+    } else {
+        for (int j = 0; j < rows; j++) {
+            if (img_reader_rows(p->r, p->rows, 1, &p->why))
+                return -1;
+            to_codes(f, p, p->strip + (size_t)j * n);
+        }
+    }
+    if (p->kept8)
+        for (size_t i = 0; i < all; i++)
+            p->kept8[at + i] = (uint8_t)p->strip[i];
+    if (p->kept16)
+        memcpy(p->kept16 + at, p->strip, all * sizeof *p->strip);
+    return 0;
+}
+
+int frames_rewind(frames *f, errmsg *e)
+{
+    int whole = f->y == f->facts.height;
+    f->have_all |= f->keep && whole;
+    for (int k = 0; k < f->facts.n && f->y > 0 && !f->have_all; k++) {
+        frame *p = &f->f[k];
+        if (p->spool) {
+            if (fseeko(p->spool, 0, SEEK_SET))
+                return err_errno(e, "%s: temporary file", p->path);
+        } else {
+            img_reader_close(p->r);
+            p->r = NULL;
+            if (img_reader_open(&p->r, p->path, e))
+                return -1;
+        }
+    }
+    if (f->have_all)
+        for (int k = 0; k < f->facts.n; k++) {
+            img_reader_close(f->f[k].r);
+            f->f[k].r = NULL;
+        }
+    f->y = 0;
+    return 0;
+}
+
+int frames_next(frames *f, const uint16_t **codes, errmsg *e)
+{
+    int left = f->facts.height - f->y, rows = left < f->strip_rows ? left : f->strip_rows;
+    if (rows == 0)
+        return 0;
+    if (f->facts.raw && f->y == 0 && !f->have_all)
+        for (int k = 0; k < f->facts.n; k++) /* one at a time: each takes hundreds of megabytes */
+            if (!f->f[k].spool && spool_raw(f, &f->f[k])) {
+                *e = f->f[k].why;
+                return -1;
+            }
+#pragma omp parallel for schedule(dynamic, 1)
+    for (int k = 0; k < f->facts.n; k++)
+        f->f[k].failed = fetch(f, &f->f[k], f->y, rows);
+    for (int k = 0; k < f->facts.n; k++) {
+        frame *p = &f->f[k];
+        if (p->failed) {
+            *e = p->why;
+            return -1;
+        }
+        codes[k] = f->have_all && p->kept16 ? p->kept16 + (size_t)f->y * row_codes(f) : p->strip;
+    }
+    f->y += rows;
+    return rows;
+}

@@ -1,0 +1,223 @@
+/*
+ * job.c - the stages of one series: open and calibrate (merging: jobmerge.c).
+ */
+#include "job.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "exif.h"
+#include "samples.h"
+
+enum { WANTED_SAMPLES = 40000 };
+
+double job_cpu_s(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+int job_channels(const job *j)
+{
+    return j->opts.has_bayer ? 3 : frames_get_facts(j->frames)->channels;
+}
+
+static int load_dark(job *j, errmsg *e)
+{
+    const frames_facts *f = frames_get_facts(j->frames);
+    img im;
+    if (img_load(&im, j->opts.dark, e))
+        return -1;
+    int ch = im.info.channels >= 3 ? 3 : 1, from = im.info.channels;
+    int64_t n = (int64_t)im.info.width * im.info.height;
+    if (im.info.width != f->width || im.info.height != f->height || ch != f->channels || !im.info.coded ||
+        (int)im.info.max_code != f->max_code) {
+        err_set(e, "%s: expected a dark frame of %dx%d pixels, %d channel(s), codes 0..%d, found %dx%d, %d, 0..%g",
+                j->opts.dark, f->width, f->height, f->channels, f->max_code, im.info.width, im.info.height,
+                ch, im.info.max_code);
+        img_free(&im);
+        return -1;
+    }
+    j->dark = malloc((size_t)n * (size_t)ch * sizeof *j->dark);
+    for (int64_t i = 0; j->dark && i < n; i++)
+        for (int c = 0; c < ch; c++)
+            j->dark[i * ch + c] = (uint16_t)(im.pix[i * from + c] + 0.5f);
+    img_free(&im);
+    return j->dark ? 0 : err_set(e, "%s: out of memory", j->opts.dark);
+}
+
+int job_open(job *j, const char *times_file, errmsg *e)
+{
+    char **paths = calloc((size_t)j->n, sizeof *paths);
+    if (!paths)
+        return err_set(e, "out of memory");
+    for (int k = 0; k < j->n; k++)
+        paths[k] = (char *)(uintptr_t)j->shots[k].path;
+    int bad = frames_open(&j->frames, paths, j->n, j->opts.memory, j->opts.has_fill ? j->opts.fill : NULL, e);
+    free(paths);
+    if (bad)
+        return -1;
+    for (int k = 0; k < j->n; k++) {
+        const img_info *i = frames_info(j->frames, k);
+        exif_facts x = exif_read(j->shots[k].path);
+        j->shots[k].seconds = i->exposure_s > 0 ? i->exposure_s : x.exposure_s;
+        j->shots[k].f_number = i->f_number > 0 ? i->f_number : x.f_number;
+        j->shots[k].iso = i->iso > 0 ? i->iso : x.iso;
+    }
+    if (times_file && times_load(j->shots, j->n, times_file, e))
+        return -1;
+    if (j->n == 1 && !(j->shots[0].seconds > 0)) {
+        j->shots[0].seconds = 1; /* one picture of unknown time: radiance is relative anyway */
+        j->facts.assumed_time = 1;
+    }
+    if (shots_resolve(j->shots, j->n, &j->facts.varies, e))
+        return -1;
+    if (j->opts.dark && load_dark(j, e))
+        return -1;
+    if (j->opts.has_bayer && frames_get_facts(j->frames)->channels != 1)
+        return err_set(e, "%s: expected grey images with --bayer, found colour", j->shots[0].path);
+    j->exposure = calloc((size_t)j->n, sizeof *j->exposure);
+    if (!j->exposure)
+        return err_set(e, "out of memory");
+    for (int k = 0; k < j->n; k++)
+        j->exposure[k] = j->shots[k].exposure;
+    return 0;
+}
+
+static int collect_samples(job *j, errmsg *e)
+{
+    const frames_facts *f = frames_get_facts(j->frames);
+    sampler p;
+    const uint16_t **codes = calloc((size_t)j->n, sizeof *codes);
+    if (!codes)
+        return err_set(e, "out of memory");
+    if (sampler_init(&p, f->width, f->height, j->n, job_channels(j), f->max_code,
+                     j->opts.has_bayer ? j->opts.bayer : NULL, j->dark != NULL, WANTED_SAMPLES, e)) {
+        free(codes);
+        return -1;
+    }
+    int rows, y = 0;
+    for (;;) {
+        double t0 = job_cpu_s();
+        rows = frames_next(j->frames, codes, e);
+        double t1 = job_cpu_s();
+        j->facts.read_s += t1 - t0;
+        if (rows <= 0)
+            break;
+        size_t at = (size_t)y * (size_t)f->width * (size_t)f->channels;
+        sampler_strip(&p, codes, j->dark ? j->dark + at : NULL, y, rows);
+        j->facts.recover_s += job_cpu_s() - t1;
+        y += rows;
+        if (j->progress)
+            j->progress("reading", y, f->height);
+    }
+    free(codes);
+    if (rows < 0 || frames_rewind(j->frames, e)) {
+        samples_free(&p.s);
+        return -1;
+    }
+    j->samples = p.s;
+    return 0;
+}
+
+static int same_exposure(const job *j)
+{
+    for (int k = 1; k < j->n; k++)
+        if (fabs(log(j->exposure[k] / j->exposure[0])) > 1e-6)
+            return 0;
+    return 1;
+}
+
+static int first_response(job *j, const double *lnt, errmsg *e)
+{
+    const frames_facts *f = frames_get_facts(j->frames);
+    int ch = job_channels(j);
+    response_kind kind = j->opts.response;
+    if (kind == RESPONSE_AUTO)
+        kind = f->raw ? RESPONSE_LINEAR : RESPONSE_DEBEVEC;
+    if (kind == RESPONSE_DEBEVEC || kind == RESPONSE_MITSUNAGA) {
+        if (j->n < 2)
+            return err_set(e, "%s: expected two images or more to recover a response, found one: give --response",
+                           j->shots[0].path);
+        if (same_exposure(j))
+            return err_set(e, "%s: expected images of different exposure to recover a response, found %d of the same: "
+                           "give --response", j->shots[0].path, j->n);
+    }
+    switch (kind) {
+    case RESPONSE_LINEAR:
+        return response_linear(&j->response, ch, f->max_code, e);
+    case RESPONSE_SRGB:
+        return response_srgb(&j->response, ch, f->max_code, e);
+    case RESPONSE_GAMMA:
+        return response_gamma(&j->response, ch, f->max_code, j->opts.gamma, e);
+    case RESPONSE_FILE:
+        return response_load(&j->response, j->opts.response_file, ch, f->max_code, e);
+    case RESPONSE_MITSUNAGA:
+        return mitsunaga_solve(&j->response, &j->facts.solve, &j->samples, lnt, e);
+    default:
+        return debevec_solve(&j->response, &j->facts.solve, &j->samples, lnt, j->opts.lambda, e);
+    }
+}
+
+int job_calibrate(job *j, errmsg *e)
+{
+    int code = -1, recover;
+    double *lnt = malloc(sizeof *lnt * (size_t)j->n);
+    if (!lnt)
+        return err_set(e, "out of memory");
+    for (int k = 0; k < j->n; k++)
+        lnt[k] = log(j->exposure[k]);
+    if (collect_samples(j, e))
+        goto done;
+    double t0 = job_cpu_s();
+    if (first_response(j, lnt, e))
+        goto done;
+    recover = strcmp(j->response.origin, "debevec") == 0;
+    calib_opts o = {.fit_response = recover, .fit_noise = 1, .fit_times = j->opts.refine_times,
+                    .fixed_noise = {-1, -1, -1}, .lambda = j->opts.lambda, .time_spread = 0.15};
+    int top = j->response.max_code;
+    for (int c = 0; c < j->response.channels; c++) {
+        j->noise[c] = noise_default();
+        noise_model given = noise_from_camera(j->opts.gain > 0 ? j->opts.gain : 1, 0, top);
+        if (j->opts.gain > 0)
+            j->noise[c].photon = o.fixed_noise.photon = given.photon;
+        if (j->opts.read_noise >= 0)
+            j->noise[c].read = o.fixed_noise.read = j->opts.read_noise * given.photon;
+    }
+    /* the middle exposure by time is the one held */
+    for (int k = 0; k < j->n; k++) {
+        int shorter = 0;
+        for (int i = 0; i < j->n; i++)
+            shorter += lnt[i] < lnt[k] || (lnt[i] == lnt[k] && i < k);
+        if (shorter == j->n / 2)
+            o.reference = k;
+    }
+    if (j->n > 1) {
+        if (calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
+            goto done;
+        j->facts.calibrated = 1;
+    }
+    for (int k = 0; k < j->n; k++)
+        j->exposure[k] = exp(lnt[k]);
+    j->facts.recover_s += job_cpu_s() - t0;
+    code = 0;
+done:
+    free(lnt);
+    return code;
+}
+
+void job_close(job *j)
+{
+    frames_close(j->frames);
+    response_free(&j->response);
+    samples_free(&j->samples);
+    free(j->exposure);
+    free(j->dark);
+    img_free(&j->radiance);
+    free(j->sigma);
+    free(j->count);
+    free(j->flags);
+}

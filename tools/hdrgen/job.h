@@ -1,0 +1,86 @@
+/*
+ * job.h - one series from files to radiance: what is asked for, what came out, and the stages.
+ */
+#ifndef HDRGEN_JOB_H
+#define HDRGEN_JOB_H
+
+#include "calibrate.h"
+#include "debevec.h"
+#include "errmsg.h"
+#include "frames.h"
+#include "image.h"
+#include "merge.h"
+#include "noise.h"
+#include "response.h"
+#include "samples.h"
+#include "times.h"
+
+typedef enum response_kind {
+    RESPONSE_AUTO, /* linear for camera raw, else debevec */
+    RESPONSE_DEBEVEC,
+    RESPONSE_MITSUNAGA,
+    RESPONSE_LINEAR,
+    RESPONSE_SRGB,
+    RESPONSE_GAMMA,
+    RESPONSE_FILE
+} response_kind;
+
+typedef struct job_opts {
+    response_kind response;
+    double gamma;
+    const char *response_file;
+    double lambda;
+    merge_weight weight;
+    double gain, read_noise; /* electrons per code, electrons; < 0: estimate */
+    int refine_times, deghost, want_sigma, want_count, half_size;
+    int has_bayer, bayer[4]; /* colours (0..2) of the 2x2 positions, row by row */
+    int has_fill, fill[3];   /* code triple of missing pixels */
+    const char *dark, *flat, *hot; /* files or NULL */
+    double patch[5];         /* x, y, w, h, cd/m2; w = 0: none */
+    int64_t memory;          /* bytes of codes kept between the passes */
+} job_opts;
+
+typedef struct job_facts {
+    solve_facts solve;     /* of the first estimate; condition 0 where none was needed */
+    calib_facts calib;
+    int calibrated;        /* calib holds something */
+    int varies;            /* ISO or f-number differ */
+    int assumed_time;      /* one image of unknown time: 1 s */
+    long clipped, black, gap, ghosts, healed; /* pixels (any channel) */
+    double scale;          /* radiance was multiplied by this (--calibrate) */
+    double read_s, recover_s, merge_s; /* CPU seconds */
+} job_facts;
+
+typedef struct job {
+    job_opts opts;
+    shot *shots;
+    int n;
+    frames *frames;
+    response response;
+    noise_model noise[RESPONSE_MAX_CHANNELS];
+    samples samples;      /* kept for the plot */
+    double *exposure;     /* [n], refined where asked for */
+    uint16_t *dark;       /* dark frame's codes, like one exposure, or NULL */
+    img radiance;
+    float *sigma;         /* like radiance.pix, or NULL */
+    uint8_t *count, *flags; /* per pixel: least of the channels (or NULL); OR of the channels */
+    job_facts facts;
+    void (*progress)(const char *what, double done, double total); /* or NULL */
+} job;
+
+/* Open the images and settle the times.  times_file may be NULL: EXIF. */
+int job_open(job *j, const char *times_file, errmsg *e);
+
+/* Response, noise and times from the samples. */
+int job_calibrate(job *j, errmsg *e);
+
+/* Merge all rows into j->radiance, and finish it (hot pixels, flat field, Bayer, scale). */
+int job_merge(job *j, errmsg *e);
+
+void job_close(job *j);
+
+/* CPU seconds of the process so far; channels that are merged (3 for Bayer). */
+double job_cpu_s(void);
+int job_channels(const job *j);
+
+#endif

@@ -1,0 +1,41 @@
+/*
+ * samples.h - the pixels from which response, noise and times are learnt.
+ *
+ * From each cell of a grid over the picture the flattest of a few seeded random places is
+ * taken (low gradient: least harm from blur and misregistration; one per cell: spread).
+ */
+#ifndef HDRGEN_SAMPLES_H
+#define HDRGEN_SAMPLES_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "errmsg.h"
+#include "response.h"
+
+typedef struct samples {
+    int exposures, channels, max_code;
+    int n[RESPONSE_MAX_CHANNELS];
+    int cap;
+    uint16_t *z[RESPONSE_MAX_CHANNELS]; /* z[c][i*exposures + k] */
+    uint16_t *dark[RESPONSE_MAX_CHANNELS]; /* dark[c][i]: the dark frame's code there; or NULL */
+} samples;
+
+/* Room for about `wanted` pixels of a width x height picture; channels 1 or 3; bayer: one
+ * channel per pixel, `lane` below tells which. */
+typedef struct sampler {
+    samples s;
+    int width, height, cell, lanes; /* lanes: interleaved values per pixel in a row */
+    const int *bayer;               /* NULL, or colour of the 2x2 positions, row by row */
+} sampler;
+
+int sampler_init(sampler *p, int width, int height, int exposures, int channels, int max_code,
+                 const int *bayer, int with_dark, int wanted, errmsg *e);
+
+/* Look at rows [y0, y0+rows); codes[k] points at row y0 of exposure k, dark at that of the dark
+ * frame (NULL without). */
+void sampler_strip(sampler *p, const uint16_t *const *codes, const uint16_t *dark, int y0, int rows);
+
+void samples_free(samples *s);
+
+#endif
