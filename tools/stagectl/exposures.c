@@ -61,5 +61,7 @@ int exposures_guess(const exposure_seen *seen, int n, int otherwise)
 {
     for (int k = n - 1; k >= 0; k--)
         if (seen[k].taken && !seen[k].clips) return k;
+    for (int k = 0; k < n; k++)
+        if (seen[k].taken) return k; /* everything clips, down to the shortest */
     return otherwise;
 }

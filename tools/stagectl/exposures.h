@@ -22,7 +22,8 @@ typedef struct exposure_seen {
  * clips, then up until nothing is black: shorter and longer ones would only repeat what is known. */
 int exposures_next(const exposure_seen *seen, int n, int first_guess);
 
-/* Where the next place should begin: the longest exposure that did not clip here. */
+/* Where the next place should begin: the longest exposure that did not clip here, else the shortest
+ * that was taken, else `otherwise`. */
 int exposures_guess(const exposure_seen *seen, int n, int otherwise);
 
 #endif

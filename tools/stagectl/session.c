@@ -28,7 +28,8 @@ static int take(void *arg, const char *section, const char *key, const char *val
         if (strcmp(key, session_keys[k].name) != 0) continue;
         if (r->given[k]) return err_set(e, "[%s] %s: given before, in line %d", section, key, r->given[k]);
         r->given[k] = line;
-        return session_take(r->s, &session_keys[k], value, e);
+        errmsg why;
+        return session_take(r->s, &session_keys[k], value, &why) == 0 ? 0 : err_set(e, "%s: %s", key, why.text);
     }
     if (!known_section) return err_set(e, "expected [grid], [stage], [camera] or [output], found [%s]", section);
     return err_set(e, "unknown key '%s' in [%s] (stagectl keys lists them)", key, section);

@@ -58,19 +58,19 @@ static int take_numbers(double *v, int n, const session_key *k, const char *valu
     if (cli_parse_doubles(t, n, value, " ", e) != 0) return -1;
     for (int i = 0; i < n; i++)
         if (!(t[i] >= k->least && t[i] <= k->most) || fabs(t[i]) > huge)
-            return err_set(e, "%s: expected %g to %g, found %g", k->name, k->least, k->most, t[i]);
+            return err_set(e, "expected %g to %g, found %g", k->least, k->most, t[i]);
     memcpy(v, t, (size_t)n * sizeof *v);
     return 0;
 }
 
-static int take_choice(int *v, const session_key *k, const char *value, const char *const *names, errmsg *e)
+static int take_choice(int *v, const char *value, const char *const *names, errmsg *e)
 {
     for (int i = 0; names[i]; i++)
         if (!strcmp(value, names[i])) {
             *v = i;
             return 0;
         }
-    return err_set(e, "%s: expected %s or %s, found '%s'", k->name, names[0], names[1], value);
+    return err_set(e, "expected %s or %s, found '%s'", names[0], names[1], value);
 }
 
 static const char *const no_yes[] = {"no", "yes", NULL}, *const orders[] = {"serpentine", "raster", NULL},
@@ -92,10 +92,10 @@ static int take_axes(session *s, const char *value, errmsg *e)
         p += strspn(p, " \t");
         s->sign[a] = *p == '-' ? -1 : 1;
         p += *p == '-' || *p == '+';
-        if (*p != 'x' && *p != 'y') return err_set(e, "axes: expected x and y, found '%s'", value);
+        if (*p != 'x' && *p != 'y') return err_set(e, "expected x and y, found '%s'", value);
         s->axis[a] = *p++ == 'y';
     }
-    if (*p || s->axis[0] == s->axis[1]) return err_set(e, "axes: expected x and y, found '%s'", value);
+    if (*p || s->axis[0] == s->axis[1]) return err_set(e, "expected x and y, found '%s'", value);
     return take_text(&s->axes, value, e);
 }
 
@@ -111,26 +111,26 @@ int session_take(session *s, const session_key *k, const char *value, errmsg *e)
     case KEY_NUMBERS9: return take_numbers(at, 9, k, value, e);
     case KEY_WHOLE:
         if (take_numbers(&v, 1, k, value, e) != 0) return -1;
-        if (v != floor(v)) return err_set(e, "%s: expected a whole number, found '%s'", k->name, value);
+        if (v != floor(v)) return err_set(e, "expected a whole number, found '%s'", value);
         *(int *)at = (int)v;
         return 0;
     case KEY_SIZE: {
         int n[2];
         if (cli_parse_size(&n[0], &n[1], value, e) != 0) return -1;
         if (n[0] > k->most || n[1] > k->most || (double)n[0] * n[1] > 1e6)
-            return err_set(e, "%s: expected at most a million nodes, found %s", k->name, value);
+            return err_set(e, "expected at most a million nodes, found %s", value);
         memcpy(at, n, sizeof n);
         return 0;
     }
-    case KEY_YES_NO: return take_choice(at, k, value, no_yes, e);
-    case KEY_ORDER: return take_choice(at, k, value, orders, e);
-    case KEY_CHECK: return take_choice(at, k, value, checks, e);
+    case KEY_YES_NO: return take_choice(at, value, no_yes, e);
+    case KEY_ORDER: return take_choice(at, value, orders, e);
+    case KEY_CHECK: return take_choice(at, value, checks, e);
     case KEY_AXES: return take_axes(s, value, e);
     case KEY_EXPOSURES:
         if (exposures_parse(s->exposure, &s->exposures, value, e) != 0) return -1;
         return take_text(at, value, e);
     }
-    return err_set(e, "%s: not a key", k->name);
+    return err_set(e, "not a key");
 }
 
 void session_value(char *out, size_t room, const session *s, const session_key *k)
