@@ -46,7 +46,8 @@ static int next_exposure(const capture_run *r, const journal_place *p)
     return -1;
 }
 
-/* The list of times that hdrgen reads; its presence tells make that the place is done. */
+/* The list of times that hdrgen reads; its presence tells make that the place is done.  Written if the place is only
+ * now done, or the file is not there. */
 static int write_times(const capture_run *r, const place *p, errmsg *e)
 {
     const session *s = r->s;
@@ -55,8 +56,9 @@ static int write_times(const capture_run *r, const place *p, errmsg *e)
     outfile *o;
     if (name_times(name, s, p->i, p->j, e) != 0) return -1;
     if (!name[0]) return 0;
-    if (files_join(path, sizeof path, s->folder, name, e) != 0 || files_make_parents(path, e) != 0) return -1;
-    if (out_begin(&o, path, e) != 0) return -1;
+    if (files_join(path, sizeof path, s->folder, name, e) != 0) return -1;
+    if (jp->done && access(path, F_OK) == 0) return 0;
+    if (files_make_parents(path, e) != 0 || out_begin(&o, path, e) != 0) return -1;
     fprintf(out_stream(o), "# node %d %d, image seconds\n", p->i, p->j);
     for (int k = 0; k < s->exposures; k++) {
         if (!jp->shot || !jp->shot[k].taken) continue;
@@ -75,7 +77,8 @@ static stage_code finish_place(capture_run *r, const place *p, errmsg *e)
     const journal_place *jp = journal_at(r->j, p->i, p->j);
     exposure_seen seen[EXPOSURES_MAX];
     if (shots_commit(r, e) != 0) return STAGE_FAILED;
-    if (!jp->done && (write_times(r, p, e) != 0 || journal_done(r->j, p->i, p->j, e) != 0)) return STAGE_FAILED;
+    if (write_times(r, p, e) != 0) return STAGE_FAILED;
+    if (!jp->done && journal_done(r->j, p->i, p->j, e) != 0) return STAGE_FAILED;
     seen_of(seen, r->s, jp);
     if (r->s->adaptive) r->guess = exposures_guess(seen, r->s->exposures, r->guess);
     for (int k = 0; k < r->s->exposures; k++) r->shots_left_out += !seen[k].taken;

@@ -83,10 +83,10 @@ stage_code shot_take(capture_run *r, const place *p, const double arrived[2], in
         memset(&t, 0, sizeof t);
         snprintf(t.temp, sizeof t.temp, ".shot-%ld-%ld%s", (long)getpid(), r->serial++, ending);
         if (files_join(temp, sizeof temp, s->folder, t.temp, e) != 0) return STAGE_FAILED;
-        unlink(temp); /* of an earlier process with this number */
+        remove(temp); /* of an earlier process with this number */
         code = expose(r, &t, p, arrived, k, temp, e);
         if (code == STAGE_OK) break;
-        unlink(temp);
+        remove(temp);
         if (code == STAGE_FAILED && attempt < s->retries && r->say) {
             errmsg words;
             err_set(&words, "node %d,%d exposure %d: %s; trying again", p->i, p->j, k, e->text);
@@ -100,7 +100,7 @@ stage_code shot_take(capture_run *r, const place *p, const double arrived[2], in
     }
     /* The stage may have said something meanwhile: what it says first was the picture taken under. */
     if ((code = r->stage->driver->check(r->stage, e)) != STAGE_OK) {
-        unlink(temp);
+        remove(temp);
         return code;
     }
     if (journal_shot_taken(r->j, p->i, p->j, k, &t, name, e) != 0) return STAGE_FAILED;
