@@ -296,7 +296,7 @@ static int do_capture(const char *path)
     plan_totals t;
     plan_sum(&t, &s, s.acceleration);
     double room = free_bytes(s.folder), more = (double)(t.exposures - journal_shots(j)) * s.file_mb * 1e6;
-    if (room >= 0 && room < more) cli_warn("%s: %.0f MB free, the rest may need %.0f MB", s.folder, room / 1e6, more / 1e6);
+    if (room >= 0 && room < more) cli_warn("%s: %.1f MB free, the rest may need %.1f MB", s.folder, room / 1e6, more / 1e6);
     r.j = j;
     latest.places = t.places;
     stage_code c = capture_all(&r, &e);
