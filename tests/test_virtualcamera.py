@@ -233,7 +233,8 @@ def test_same_picture_as_rpict(tmp_path):
     assert want[inside].min() > 0
     error = np.abs(seen - want)[inside]
     assert np.median(error / want[inside]) < 0.005
-    assert abs(seen[inside].mean() / want[inside].mean() - 1) < 0.01
+    walls = inside & (want.max(2) < 0.5)     # the lamp's energy has a test of its own, without sampling noise
+    assert np.abs(seen[walls].mean(0) / want[walls].mean(0) - 1).max() < 0.004
 
 
 def test_beyond_the_horizon(tmp_path):
