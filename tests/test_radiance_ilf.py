@@ -351,6 +351,15 @@ def test_a_lamp_beside_the_light_field(tmp_path):
     assert np.allclose(np.array(r.text.split(), float), direct, rtol=2e-3)
 
 
+def test_a_lamp_behind_the_light_field_gives_nothing(tmp_path):
+    """Auxiliary geometry is opaque, and to a lamp's shadow ray it is no lamp."""
+    octree = dome_scene(tmp_path, lambda d: d * 0 + L, n_theta=16, n_phi=8)
+    oconv(tmp_path, (tmp_path / "scene.rad").read_text() + "void light l\n0\n0\n3 5e4 5e4 5e4\n" + Sphere((3, 0, 30), 2).rad("l", "lamp"))
+    r = run("rtrace", "-h", "-I", "-ab", "0", "-di", "0", octree, stdin="0 0 0 0 0 1\n", cwd=tmp_path)
+    assert list(map(float, r.text.split())) == [0, 0, 0]
+    assert np.allclose(irradiance(tmp_path, octree, [(0, 0, 1)]), PI * L, rtol=2e-3)
+
+
 @pytest.mark.parametrize("far", [False, True], ids=["dome", "source"])
 def test_mirror_ball_shows_the_light_field(tmp_path, far):
     rng = np.random.default_rng(56)
