@@ -178,16 +178,20 @@ static inline double ilf_excess_part(const float rgb[3], double threshold)
  * reaches; else it is owned by the sampler and valid until the next call. */
 ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *sampler, const double point[3], ilf_error *err);
 
-/* A direction distributed as the slice's map: u in [0, 1) runs through the map along a
- * space-filling curve, (v, w) in [0, 1)^2 place it within a cell.  Unit vector in the plane's own
- * coordinates (u, v, n), n > 0.  Returns its density per steradian. */
-double ilf_sample(double dir[3], const ilf_slice *slice, double u, double v, double w);
+/* One direction drawn from a slice. */
+typedef struct ilf_draw {
+    double dir[3];   /* unit vector in the plane's own coordinates (u, v, n), n > 0 */
+    double pdf;      /* density per steradian */
+    double distance; /* about how far away the light there is; HUGE_VAL: no light is expected there */
+    double bound;    /* largest excess luminance that the cube may see there */
+} ilf_draw;
 
-/* The density per steradian with which ilf_sample draws a direction (any length). */
+/* Draw a direction distributed as the slice's map: u in [0, 1) runs through the map along a
+ * space-filling curve, (v, w) in [0, 1)^2 place it within a cell. */
+void ilf_sample(ilf_draw *draw, const ilf_slice *slice, double u, double v, double w);
+
+/* The density per steradian with which ilf_sample draws a direction (plane's coordinates, any length). */
 double ilf_pdf(const ilf_slice *slice, const double dir[3]);
-
-/* About how far away the light in direction dir is, for a candidate's lookup; HUGE_VAL when infinitely. */
-double ilf_slice_distance(const ilf_slice *slice, const double dir[3]);
 
 /* A slice's memory of shadow tests, for adapting their number: kept apart from the estimate itself, so
  * that adapting does not bias it. */

@@ -234,6 +234,7 @@ static ilf_slice *collect(ilf_sampler *s, int touched)
     }
     for (size_t k = 0; k < n; k++) sl->cdf[k] = (float)((double)sl->cdf[k] / total);
     sl->cdf[n] = 1;
+    sl->total = (float)total;
     return sl;
 }
 
@@ -375,17 +376,22 @@ static double density(const ilf_slice *sl, int k)
     return SLICE_UNIFORM / (2 * ILF_PI) + (1 - SLICE_UNIFORM) * map;
 }
 
-double ilf_sample(double dir[3], const ilf_slice *sl, double u, double v, double w)
+void ilf_sample(ilf_draw *draw, const ilf_slice *sl, double u, double v, double w)
 {
+    int cell, k;
+
     if (u < SLICE_UNIFORM) {
-        const int number = (int)(u / SLICE_UNIFORM * SLICE_CELLS);
-        const int cell = number < SLICE_CELLS ? number : SLICE_CELLS - 1;
-        from_cell(dir, cell, v, w);
-        return density(sl, search_cell(sl, cell));
+        cell = (int)(u / SLICE_UNIFORM * SLICE_CELLS);
+        if (cell >= SLICE_CELLS) cell = SLICE_CELLS - 1;
+        k = search_cell(sl, cell);
+    } else {
+        k = search_cdf(sl, (u - SLICE_UNIFORM) / (1 - SLICE_UNIFORM));
+        cell = sl->cell[k];
     }
-    const int k = search_cdf(sl, (u - SLICE_UNIFORM) / (1 - SLICE_UNIFORM));
-    from_cell(dir, sl->cell[k], v, w);
-    return density(sl, k);
+    from_cell(draw->dir, cell, v, w);
+    draw->pdf = density(sl, k);
+    draw->distance = k < 0 ? HUGE_VAL : (double)sl->distance[k];
+    draw->bound = k < 0 ? 0 : ((double)sl->cdf[k + 1] - (double)sl->cdf[k]) * (double)sl->total;
 }
 
 double ilf_pdf(const ilf_slice *sl, const double dir[3])
@@ -395,13 +401,6 @@ double ilf_pdf(const ilf_slice *sl, const double dir[3])
     if (!(len > 0) || dir[2] <= 0) return 0;
     const double d[3] = {dir[0] / len, dir[1] / len, dir[2] / len};
     return density(sl, search_cell(sl, cell_of(d)));
-}
-
-double ilf_slice_distance(const ilf_slice *sl, const double dir[3])
-{
-    const int k = search_cell(sl, cell_of(dir));
-
-    return k < 0 ? HUGE_VAL : (double)sl->distance[k];
 }
 
 void ilf_slice_record(ilf_slice *sl, double visible, double tests)

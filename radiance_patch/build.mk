@@ -9,7 +9,7 @@ RAD_SHA256 := 920a519827da7252d6de1794a27a66c191fe294c37a876eea863dcf23aec73c9
 RAD_LIBPKG := pyradiance==1.3.1
 RAD        := $(B0)/radiance/src
 RADOBJ     := $(B)/radiance/obj
-RAD_CFLAGS := $(OPT) -w -fcommon -std=gnu99 -DALIGNT=double -I$(RAD)/common -I$(RAD)/rt -Iradiance_patch
+RAD_CFLAGS := $(OPT) -w -fcommon -std=gnu99 -DALIGNT=double -I$(RAD)/common -I$(RAD)/rt -Iradiance_patch -Iilfmat
 
 RAD_COMMON := addobjnotify badarg biggerlib bmalloc bmpfile bsdf bsdf_m bsdf_t byteswap caldefn calexpr \
 	calfunc calprnt ccolor ccyrgb chanvalue clip color colrops cone cvtcmd depthcodec dircode disk2square \
@@ -71,14 +71,15 @@ $(RADOBJ)/rt/Version.o: $(RAD)/.patched Makefile
 	@mkdir -p $(@D)
 	@printf 'char VersionID[]="%s, with the ilf material $(VERSION)";\n' "$$(cat $(RAD)/rt/VERSION)" | $(CC) -x c -c -o $@ -
 # ours, in Radiance's idiom, with our sanitizers
-$(RADOBJ)/rt/m_ilf.o: radiance_patch/m_ilf.c radiance_patch/ilfsrc.h ilfmat/ilf.h $(RAD)/.patched
+RAD_OURS := $(RADOBJ)/rt/m_ilf.o $(RADOBJ)/rt/ilfsrc.o
+$(RAD_OURS): $(RADOBJ)/rt/%.o: radiance_patch/%.c radiance_patch/ilfsrc.h ilfmat/ilf.h $(RAD)/.patched
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
-	$(Q)$(CC) $(RAD_CFLAGS) -Wall $(SANFLAGS) -Iilfmat -c -o $@ $<
+	$(Q)$(CC) $(RAD_CFLAGS) -Wall $(SANFLAGS) -c -o $@ $<
 
 $(RADOBJ)/librtrad.a: $(RAD_COMMON:%=$(RADOBJ)/common/%.o)
 	@rm -f $@; ar rcs $@ $^
-$(RADOBJ)/libradiance.a: $(RAD_RT:%=$(RADOBJ)/rt/%.o) $(RADOBJ)/rt/m_ilf.o $(RADOBJ)/rt/Version.o
+$(RADOBJ)/libradiance.a: $(RAD_RT:%=$(RADOBJ)/rt/%.o) $(RAD_OURS) $(RADOBJ)/rt/Version.o
 	@rm -f $@; ar rcs $@ $^
 
 # ---- programs ----

@@ -7,11 +7,8 @@
 #include  "ray.h"
 #include  "otypes.h"
 #include  "rtotypes.h"
-#include  "source.h"
 #include  "paths.h"
-#include  "pmap.h"
 #include  "ilfsrc.h"
-#include  "ilf.h"
 
 /*
  *	Arguments for an incident light field are:
@@ -43,20 +40,7 @@
  *  error to objerror().
  */
 
-typedef struct ilffile {
-	char  *path;			/* file path as found */
-	ilf  *field;			/* open light field */
-	int  nused;			/* number of materials using it */
-	struct ilffile  *next;
-}  ILFFILE;			/* an open file, shared by materials */
-
-typedef struct ilfmat {
-	ILFFILE  *file;			/* our file */
-	ilf_frame  frame;		/* plane in the material's space */
-	ilf_mode  mode;			/* depth correction */
-}  ILFMAT;			/* a material's light field */
-
-int  ilfsamp = 0;			/* samples per point */
+int  ilfsamp = 16;			/* samples per point */
 
 static ILFFILE  *ilflist = NULL;	/* open files */
 
@@ -95,7 +79,7 @@ memerr:
 }
 
 
-struct ilfmat *
+ILFMAT *
 getilf(				/* get (open) material's light field */
 	OBJREC  *m
 )
@@ -117,6 +101,10 @@ getilf(				/* get (open) material's light field */
 	ip = (ILFMAT *)malloc(sizeof(ILFMAT));
 	if (ip == NULL)
 		error(SYSTEM, "out of memory in getilf");
+	ip->m = m;
+	ip->sn = -1;
+	ip->smp = NULL;
+	ip->next = NULL;
 	ip->mode = ILF_DEPTH;
 	if (m->oargs.nsargs > 1) {
 		if (!strcmp(m->oargs.sarg[1], "nodepth"))
@@ -145,6 +133,7 @@ freeilf(			/* free material's light field */
 
 	if (ip == NULL)
 		return;
+	dropilf(ip);
 	if (!--ip->file->nused)		/* last user closes file */
 		for (fpp = &ilflist; *fpp != NULL; fpp = &(*fpp)->next)
 			if (*fpp == ip->file) {
@@ -156,26 +145,6 @@ freeilf(			/* free material's light field */
 			}
 	free((void *)ip);
 	m->os = NULL;
-}
-
-
-void
-markilf(			/* note surface made of light field */
-	OBJREC  *o,
-	OBJREC  *m
-)
-{
-	static int  warned = 0;
-	int  ns;
-
-	if (photonMapping && !warned++)
-		objerror(m, WARNING, "no photons come from a light field");
-	if (o->otype != OBJ_SOURCE)
-		return;
-	if ((ns = newsource()) < 0)
-		error(SYSTEM, "out of memory in markilf");
-	setsource(&source[ns], o);	/* sourcehit() must find it, but */
-	source[ns].sflags |= SSKIP;	/* it isn't sampled as a source */
 }
 
 
@@ -196,6 +165,7 @@ ilfreport(void)			/* print what light fields were used */
 				use.mapped_bytes*1e-6, use.decoded_bytes*1e-6);
 		eputs(errmsg);
 	}
+	ilfsrcreport();
 }
 
 
@@ -210,8 +180,10 @@ m_ilf(				/* ray met auxiliary geometry */
 	FVECT  lorg, ldir, lhit;
 	float  rgb[3];
 	ilf_error  err;
-					/* sources are sampled elsewhere */
-	if (r->crtype & SHADOW)
+	double  d;
+	int  part;
+					/* which part counts? */
+	if (!(part = ilfpart(ip, r)))
 		return(1);
 	if (r->rox != NULL) {		/* into the instance's space */
 		multp3(lorg, org, r->rox->b.xfm);
@@ -228,5 +200,12 @@ m_ilf(				/* ray met auxiliary geometry */
 	raytexture(r, m->omod);
 	setcolor(r->rcol, rgb[0], rgb[1], rgb[2]);
 	multcolor(r->rcol, r->pcol);
+	if (part != ILF_ALL) {
+		d = ilf_excess_part(rgb, ilf_sampler_threshold(ilfsampler(ip)));
+		if (part == ILF_BASE)
+			d = 1. - d;
+		scalecolor(r->rcol, d);
+	}
+	r->rsrc = -1;			/* we are what was aimed for */
 	return(1);
 }

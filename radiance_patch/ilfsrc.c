@@ -1,0 +1,374 @@
+/*
+ * Incident light fields as light sources
+ *
+ *  External symbols declared in ilfsrc.h, and in source.h
+ */
+
+#include "copyright.h"
+
+#include  "ray.h"
+#include  "otypes.h"
+#include  "otspecial.h"
+#include  "source.h"
+#include  "random.h"
+#include  "ambient.h"
+#include  "pmap.h"
+#include  "ilfsrc.h"
+
+/*
+ *	A light field's radiance is split at a threshold into a smooth base
+ *  and an excess (ilf.h).  As with Radiance's sources, each surface
+ *  samples the excess in its direct calculation, and rays that the
+ *  surface scatters see the base only, so that nothing counts twice.
+ *
+ *	The direct samples are drawn in two steps (Talbot, Cline, Egbert,
+ *  "Importance Resampling for Global Illumination", 2005).  Many
+ *  candidates come from the map of what is bright around the point, and
+ *  get the weight
+ *
+ *	w = f(x, d) X(x, d) / p(d)
+ *
+ *  where f is the material's coefficient, X the excess as looked up
+ *  without tracing anything, and p the density of the draw.  Of these a
+ *  few are chosen in proportion to w, in the order of the map (so that
+ *  they spread over it), and only those send a shadow ray.  Each counts
+ *
+ *	f X' V / (f X)  mean(w) / n
+ *
+ *  where X' is what the ray met and V whether it came through.  This has
+ *  the right mean whatever X is, as long as it is not 0 where X' isn't;
+ *  with depth correction, where X is only an estimate, a part of the
+ *  map's own bound is added.
+ *
+ *	The number of shadow rays goes with the ray's weight, and falls where
+ *  earlier tests in the same cube of space all had the same result.  These
+ *  tests belong to other points, so that the mean stays right.
+ */
+
+#ifndef ILFCAND
+#define ILFCAND		4		/* candidates per shadow ray */
+#endif
+#define ILFMINCAND	8		/* but at least this many */
+#define ILFHIST		48		/* tests before we believe history */
+#define ILFSURE		8		/* fewer rays where we do */
+#define ILFOMEGA	1e-6		/* solid angle for coefficients */
+#define ILFDOUBT	.1		/* part of bound added to estimate */
+#define ILFMAXPASS	64		/* objects to pass to our surface */
+
+typedef struct {
+	FVECT  dir;		/* direction */
+	COLOR  coef;		/* material coefficient per steradian */
+	double  targ;		/* f X */
+	double  wt;		/* f X / p */
+}  ILFCND;			/* a candidate */
+
+static ILFMAT  *ilfsrcs = NULL;		/* light fields to sample */
+
+static ILFCND  *cand = NULL;		/* our candidates */
+static int  maxcand = 0;
+
+static RNUMBER  ndrawn = 0;		/* candidates drawn */
+static RNUMBER  ntraced = 0;		/* shadow rays traced */
+static double  setuptime = 0;		/* CPU seconds finding what's bright */
+
+
+void
+markilf(			/* note surface made of light field */
+	OBJREC  *o,
+	OBJREC  *m
+)
+{
+	static int  warned = 0;
+	ILFMAT  *ip = getilf(m);
+	int  ns;
+
+	if (photonMapping && !warned++)
+		objerror(m, WARNING, "no photons come from a light field");
+	if (o->otype != OBJ_SOURCE && (ilfsamp <= 0) | (ip->sn >= 0))
+		return;
+	if ((ns = newsource()) < 0)
+		error(SYSTEM, "out of memory in markilf");
+	if (o->otype == OBJ_SOURCE)	/* sourcehit() must find it */
+		setsource(&source[ns], o);
+	else
+		source[ns].so = o;
+	source[ns].sflags |= SSKIP|SILF;	/* not sampled as others are */
+	if ((ilfsamp <= 0) | (ip->sn >= 0))
+		return;
+	ip->sn = ns;
+	ip->next = ilfsrcs;
+	ilfsrcs = ip;
+}
+
+
+void
+dropilf(			/* forget material about to be freed */
+	ILFMAT  *ip
+)
+{
+	ILFMAT  **ipp;
+
+	for (ipp = &ilfsrcs; *ipp != NULL; ipp = &(*ipp)->next)
+		if (*ipp == ip) {
+			*ipp = ip->next;
+			break;
+		}
+	ilf_sampler_close(ip->smp);
+	ip->smp = NULL;
+}
+
+
+static int
+auxhit(				/* find auxiliary geometry along ray */
+	double  hit[3],
+	const double  org[3],
+	const double  dir[3],
+	void  *p
+)
+{
+	OBJREC  *m = (OBJREC *)p;
+	RAY  tr;
+	int  n;
+
+	rayorigin(&tr, PRIMARY, NULL, NULL);
+	tr.rmax = 0.0;
+	VCOPY(tr.rorg, org);
+	VCOPY(tr.rdir, dir);
+	for (n = ILFMAXPASS; n-- > 0 && localhit(&tr, &thescene); ) {
+		if (findmaterial(tr.ro) == m && tr.rox == NULL) {
+			VCOPY(hit, tr.rop);
+			return(1);
+		}
+		VCOPY(tr.rorg, tr.rop);		/* pass through others */
+		rayclear(&tr);
+	}
+	return(0);
+}
+
+
+ilf_sampler *
+ilfsampler(			/* find what is bright in light field */
+	ILFMAT  *ip
+)
+{
+	ilf_sampler_spec  spec;
+	ilf_error  err;
+	clock_t  start;
+
+	if (ip->smp != NULL)
+		return(ip->smp);
+	start = clock();
+	memset(&spec, 0, sizeof(spec));
+	spec.mode = ip->mode;
+	spec.hit = auxhit;
+	spec.context = ip->m;
+	if (ilf_sampler_open(&ip->smp, ip->file->field, &ip->frame,
+			&spec, &err) != ILF_OK)
+		objerror(ip->m, USER, err.text);
+	setuptime += (double)(clock() - start) / CLOCKS_PER_SEC;
+	return(ip->smp);
+}
+
+
+static int
+sampledat(			/* does ray's surface sample light fields? */
+	const RAY  *r
+)
+{
+	int  n = ambounce > 1 ? ambounce : 1;
+				/* as deep as blind rays would see them */
+	if (r->crtype & AMBIENT)
+		for ( ; r != NULL; r = r->parent)
+			if (r->rtype & AMBIENT && --n <= 0)
+				return(0);
+	return(1);
+}
+
+
+int
+ilfpart(			/* which part does a ray see? */
+	ILFMAT  *ip,
+	RAY  *r
+)
+{
+	const RAY  *rp = r;
+				/* seen in an instance, or not sampled */
+	if ((ip->sn < 0) | (r->rox != NULL))
+		return(r->crtype & SHADOW ? ILF_NONE : ILF_ALL);
+				/* go back to where it was scattered */
+	while (rp->rtype & TRANS && rp->parent != NULL &&
+			DOT(rp->rdir, rp->parent->rdir) >= 1. - 1e-9)
+		rp = rp->parent;
+	if (r->crtype & SHADOW)	/* aimed at us, and not deflected */
+		return(rp->rtype & SHADOW && r->rsrc == ip->sn ?
+				ILF_EXCESS : ILF_NONE);
+	if (rp->rtype & (AMBIENT|SPECULAR) && sampledat(rp->parent))
+		return(ILF_BASE);
+	return(ILF_ALL);
+}
+
+
+static int
+drawcands(			/* draw and weigh candidates */
+	int  nc,
+	ILFMAT  *ip,
+	ilf_slice  *sp,
+	RAY  *r,
+	srcdirf_t  *f,
+	void  *p,
+	double  *wsum
+)
+{
+	ilf_draw  dr;
+	ilf_error  err;
+	ILFCND  *cp;
+	FVECT  hit;
+	float  rgb[3];
+	double  x0, x1, x2, d;
+	int  i, j, n;
+	
+	if (nc > maxcand) {
+		cand = (ILFCND *)realloc((void *)cand, nc*sizeof(ILFCND));
+		if (cand == NULL)
+			error(SYSTEM, "out of memory in drawcands");
+		maxcand = nc;
+	}
+	dimlist[ndims++] = ip->sn + 8713;
+	x0 = urand(ilhash(dimlist,ndims)+samplendx);
+	ndims--;
+	x1 = frandom();
+	x2 = frandom();
+	*wsum = 0;
+	cp = cand;
+	for (i = 0; i < nc; i++) {
+					/* additive recurrence in a cell */
+		x1 += 0.75487766624669276; x1 -= (x1 >= 1.);
+		x2 += 0.56984029099805327; x2 -= (x2 >= 1.);
+		ilf_sample(&dr, sp, (i+x0)/nc, x1, x2);
+		for (j = 0; j < 3; j++)
+			cp->dir[j] = dr.dir[0]*ip->frame.u[j] +
+					dr.dir[1]*ip->frame.v[j] +
+					dr.dir[2]*ip->frame.n[j];
+		(*f)(cp->coef, p, cp->dir, ILFOMEGA);
+		if ((d = intens(cp->coef)) <= 0.0)
+			continue;
+		scalecolor(cp->coef, 1./ILFOMEGA);
+		d *= 1./ILFOMEGA;
+					/* estimate what's there */
+		if ((n = ip->mode == ILF_DEPTH && dr.distance < FHUGE)) {
+			VSUM(hit, r->rop, cp->dir, dr.distance);
+		} else {
+			VCOPY(hit, r->rop);
+		}
+		if (ilf_eval(rgb, ip->file->field, &ip->frame, NULL, cp->dir,
+				hit, n ? ILF_DEPTH : ILF_NO_DEPTH, &err) != ILF_OK)
+			objerror(ip->m, USER, err.text);
+		cp->targ = d * (ilf_luminance(rgb) * ilf_excess_part(rgb,
+				ilf_sampler_threshold(ip->smp)));
+		if (ip->mode == ILF_DEPTH)
+			cp->targ += ILFDOUBT * d * (dr.bound +
+					ilf_sampler_threshold(ip->smp));
+		if (cp->targ <= 0.0)
+			continue;
+		*wsum += cp->wt = cp->targ / dr.pdf;
+		cp++;
+	}
+	ndrawn += nc;
+	return(cp - cand);
+}
+
+
+static void
+sampleilf(			/* add light field's excess */
+	ILFMAT  *ip,
+	RAY  *r,
+	srcdirf_t  *f,
+	void  *p
+)
+{
+	double  vis, tests, wsum, step, next, acc, d;
+	ilf_slice  *sp;
+	ilf_error  err;
+	ILFCND  *cp;
+	RAY  sr;
+	int  ns, nc, n, k;
+
+	if (ilf_sampler_slice(&sp, ilfsampler(ip), r->rop, &err) != ILF_OK)
+		objerror(ip->m, USER, err.text);
+	if (sp == NULL)
+		return;			/* nothing bright from here */
+	ns = ilfsamp*r->rweight + .999;
+	if (ns < 1) ns = 1;
+	if (ns > ilfsamp) ns = ilfsamp;
+	nc = ns*ILFCAND;
+	if (nc < ILFMINCAND)
+		nc = ILFMINCAND;
+	ilf_slice_history(sp, &vis, &tests);
+	if (tests >= ILFHIST && (vis <= 0.) | (vis >= tests))
+		ns = (ns + ILFSURE-1)/ILFSURE;
+	n = drawcands(nc, ip, sp, r, f, p, &wsum);
+	if (!n)
+		return;
+					/* choose in order of map */
+	step = wsum/ns;
+	next = step*frandom();
+	acc = vis = tests = 0.;
+	for (cp = cand; n-- > 0; cp++) {
+		acc += cp->wt;
+		for (k = 0; next < acc; next += step)
+			k++;
+		if (!k)
+			continue;
+		rayorigin(&sr, SHADOW, r, NULL);
+		VCOPY(sr.rdir, cp->dir);
+		sr.rsrc = ip->sn;
+		d = k * step/(nc*cp->targ);
+		copycolor(sr.rcoef, cp->coef);
+		scalecolor(sr.rcoef, d);
+		rayvalue(&sr);
+		ntraced++;
+		tests += k;
+		if (bright(sr.rcol) > 0.0) {
+			multcolor(sr.rcol, sr.rcoef);
+			addcolor(r->rcol, sr.rcol);
+			vis += k;
+		}
+	}
+	ilf_slice_record(sp, vis, tests);
+}
+
+
+void
+ilfdirect(			/* add direct part of light fields */
+	RAY  *r,
+	srcdirf_t  *f,
+	void  *p
+)
+{
+	ILFMAT  *ip;
+
+	if (ilfsrcs == NULL || !sampledat(r))
+		return;
+	for (ip = ilfsrcs; ip != NULL; ip = ip->next)
+		sampleilf(ip, r, f, p);
+}
+
+
+void
+ilfsrcreport(void)		/* print what was sampled */
+{
+	double  npatches = 0, nslices = 0;
+	ILFMAT  *ip;
+
+	for (ip = ilfsrcs; ip != NULL; ip = ip->next)
+		if (ip->smp != NULL) {
+			npatches += ilf_sampler_patches(ip->smp);
+			nslices += ilf_sampler_slices(ip->smp);
+		}
+	if (ilfsrcs == NULL)
+		return;
+	sprintf(errmsg,
+"light fields: %.0f bright patches in %.2f s, %.0f slices, %lu candidates, %lu shadow rays\n",
+			npatches, setuptime, nslices, ndrawn, ntraced);
+	eputs(errmsg);
+}

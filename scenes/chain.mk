@@ -1,0 +1,79 @@
+# From a room to its light field: file rules that any scene can use.
+#
+#   octree of the room ──virtualcamera──► exposures ──hdrgen──► fisheye.exr ──fishremap──► probe.exr ──ilfpack──► room.ilf.exr
+#
+# $(eval $(call light_field,NAME)) makes them for the scene NAME, which says before
+#
+#   NAME_OUT      folder of everything that is made
+#   NAME_STAGE    octree that the camera sees (the room without the objects)
+#   NAME_NU _NV   grid nodes along u and v           NAME_PLANE   "Ox Oy Oz Ux Uy Uz Vx Vy Vz"
+#   NAME_TIMES    exposure times, seconds            NAME_CAMERA  options of virtualcamera
+#   NAME_LENS     --lens ... --fov ... (camera and remap alike)
+#   NAME_FALLOFF  falloff file of the lens           NAME_RESPONSE  camera's response (camera and merge alike)
+#   NAME_LIGHT    ambient options of the renderer for what the camera sees
+#   NAME_PROBE    size of a probe, n_theta x n_phi   NAME_SINGLE  I_J, the node of the single-probe light field
+#
+# Each node has a folder of its own and each step its file: a run that was stopped goes on where it was, and -j works.
+# Programs are order-only: a rebuilt program alone does not throw a capture away (`make demo-clean` does).
+
+# The environment of every step: our programs first, function files, then what the scenes bring.
+ILF_ENV = PATH="$(TOP)/$(B)/bin:$$PATH" RAYPATH=.:$(TOP)/$(B0)/lib
+
+upto = $(shell seq 0 $$(($(1) - 1)))
+bins = $(1:%=$(B)/bin/%)
+
+# A file that says how things are made, and is written again only when that has changed: what depends on it
+# is made anew after a change of settings, and only then.   $(eval $(call settings,FILE,TEXT))
+.PHONY: FORCE
+define settings
+$(1): FORCE
+	@mkdir -p $$(@D)
+	@printf '%s\n' '$(2)' > $$@.part
+	@if cmp -s $$@.part $$@; then rm $$@.part; else mv $$@.part $$@; fi
+endef
+
+define light_field
+$(1)_NODES := $$(foreach j,$$(call upto,$($(1)_NV)),$$(foreach i,$$(call upto,$($(1)_NU)),$$(i)_$$(j)))
+$$(eval $$(call settings,$($(1)_OUT)/capture.settings,$($(1)_NU)x$($(1)_NV) on $($(1)_PLANE); $($(1)_TIMES) s; \
+    $($(1)_LENS) $($(1)_CAMERA) --response $($(1)_RESPONSE) --falloff $($(1)_FALLOFF); $($(1)_LIGHT)))
+$$(eval $$(call settings,$($(1)_OUT)/probe.settings,$($(1)_PROBE)))
+
+# Indirect light of the room, once, from the middle of the plane; each node starts from a copy.
+$($(1)_OUT)/room.amb: $($(1)_STAGE) $($(1)_OUT)/capture.settings | $(call bins,virtualcamera rtrace)
+	@echo "  capture: indirect light of the room"
+	@rm -f $$@ $$@.part
+	@$$(ILF_ENV):$$($(1)_PATH) virtualcamera --quiet --octree $($(1)_STAGE) --plane "$($(1)_PLANE)" --grid 3x3 --node 1,1 \
+	    $($(1)_LENS) --size 128 --supersample 1 --render-options "$($(1)_LIGHT) -af $$@.part" -o $($(1)_OUT)/overture.exr
+	@mv $$@.part $$@
+
+$($(1)_OUT)/nodes/%/times.txt: $($(1)_OUT)/room.amb $($(1)_FALLOFF) | $(call bins,virtualcamera rtrace)
+	@echo "  capture: node $$*, $(words $($(1)_TIMES)) exposures"
+	@rm -rf $$(@D) && mkdir -p $$(@D) && cp $$< $$(@D)/room.amb
+	@k=0; for t in $($(1)_TIMES); do \
+	    $$(ILF_ENV):$$($(1)_PATH) virtualcamera --quiet --octree $($(1)_STAGE) --plane "$($(1)_PLANE)" \
+	        --grid $($(1)_NU)x$($(1)_NV) --node $$(subst _,$$(,),$$*) --seconds $$$$t $($(1)_LENS) $($(1)_CAMERA) \
+	        --falloff $($(1)_FALLOFF) --response $($(1)_RESPONSE) --cache $$(@D) \
+	        --render-options "$($(1)_LIGHT) -af $$(@D)/room.amb" -o $$(@D)/e$$$$k.png; \
+	    echo "e$$$$k.png $$$$t"; k=$$$$((k + 1)); \
+	done > $$@.part
+	@rm -f $$(@D)/*.pfm $$(@D)/room.amb
+	@mv $$@.part $$@
+
+$($(1)_OUT)/nodes/%/fisheye.exr: $($(1)_OUT)/nodes/%/times.txt | $(call bins,hdrgen)
+	@$$(ILF_ENV) hdrgen --quiet --response $($(1)_RESPONSE) --times $$< -o $$@ $$(@D)/e?.png
+
+$($(1)_OUT)/nodes/%/probe.exr: $($(1)_OUT)/nodes/%/fisheye.exr $($(1)_FALLOFF) $($(1)_OUT)/probe.settings | $(call bins,fishremap)
+	@$$(ILF_ENV) fishremap --quiet $($(1)_LENS) --size $($(1)_PROBE) --falloff $($(1)_FALLOFF) --polar-max 90 -o $$@ $$<
+
+$($(1)_OUT)/room.ilf.exr: $$($(1)_NODES:%=$($(1)_OUT)/nodes/%/probe.exr) | $(call bins,ilfpack)
+	@echo "  light field: $($(1)_NU) x $($(1)_NV) probes"
+	@$$(ILF_ENV) ilfpack --quiet --grid $($(1)_NU)x$($(1)_NV) --plane "$($(1)_PLANE)" --type half -o $$@ $$^
+
+# One probe for the whole scene.  Its node is the middle of a rectangle as large as the plane, so
+# that the depth correction knows where it stood.
+$($(1)_OUT)/single.ilf.exr: $($(1)_OUT)/nodes/$($(1)_SINGLE)/probe.exr | $(call bins,ilfpack)
+	@plane=$$$$(echo "$($(1)_PLANE)" | awk -v ij=$($(1)_SINGLE) -v n=$($(1)_NU) -v m=$($(1)_NV) \
+	    '{split(ij, k, "_"); a = k[1] / (n - 1) - .5; b = k[2] / (m - 1) - .5; \
+	      for (c = 1; c <= 3; c++) printf "%.9g ", $$$$c + a * $$$$(c + 3) + b * $$$$(c + 6); print $$$$4, $$$$5, $$$$6, $$$$7, $$$$8, $$$$9}'); \
+	$$(ILF_ENV) ilfpack --quiet --grid 1x1 --plane "$$$$plane" --type half -o $$@ $$^
+endef

@@ -1,0 +1,132 @@
+# The demo: the main job on real photographs and on a virtual capture.  Included by the top Makefile.
+#
+#? demo          the main job on real photographs and on a virtual capture
+#? demo-clean    forget the demo's results
+#
+# OFFICE=DIR names a folder with an exposure series of one fisheye view (*.jpg with EXIF exposure times); scenes/README.md
+# says what it has to be and which variables describe the lens.
+
+include scenes/chain.mk
+
+DEMO     := $(B0)/demo
+OFFICE   ?= ../shared/data/fisheye_bracket_office_canon5d2_8mm
+OFFICE_IMAGES := $(sort $(wildcard $(OFFICE)/*.jpg $(OFFICE)/*.JPG $(OFFICE)/*.jpeg))
+SCENES   := scenes/demo
+# importance samples of the light field per point (0 = the paper's literal method), and ambient
+# divisions of the pictures
+DI       ?= 0
+DEMO_AD  ?= $(if $(filter 0,$(DI)),512,64)
+DEMO_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
+# a picture is rendered at twice its size and halved
+DEMO_RES := -x 640 -y 480
+HALVE     = pfilt -1 -x /2 -y /2
+
+.PHONY: demo demo-run demo-clean
+demo:
+	+@$(MAKE) --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(DEMO_JOBS)) demo-run
+	@echo "The pictures:"; ls -1 $(DEMO)/*.png | sed 's,^,  $(TOP)/,'
+	@echo "The errors:   $(TOP)/$(DEMO)/errors.csv"
+
+# the photographs first: their picture is drawn while the virtual camera works
+demo-run: $(if $(OFFICE_IMAGES),$(DEMO)/office.png,no-office) $(DEMO)/demo.png
+demo-clean:
+	rm -rf $(DEMO)
+
+# ---- (b) the virtual capture -------------------------------------------------------------------------
+# Two spotlights in a studio, 6 x 6 positions on a plane of 30 x 30 inches at the table's height.
+demo_OUT      := $(DEMO)
+demo_PATH     := $(TOP)/$(SCENES):$(TOP)/$(DEMO)
+demo_STAGE    := $(DEMO)/stage.oct
+demo_NU       := 6
+demo_NV       := 6
+demo_PLANE    := -.381 -.381 0  .762 0 0  0 .762 0
+demo_TIMES    := 1/1024 1/128 1/16 1/2 4 32
+demo_CAMERA   := --size 256 --supersample 2 --refine 8 --bits 8 --full-scale 1 --electrons 20000 --read-noise 8
+demo_LENS     := --lens equidistant --fov 185
+demo_FALLOFF  := $(SCENES)/lens_falloff.txt
+demo_RESPONSE := srgb
+demo_LIGHT    := -ab 2 -aa .15 -ad 1024 -as 256 -ar 32 -ds .1 -dj .6 -dt 0 -dc 1 -w
+demo_PROBE    := 192x96
+demo_SINGLE   := 2_2
+$(eval $(call light_field,demo))
+
+DEMO_ROOM   := $(SCENES)/room_materials.rad $(SCENES)/room.rad $(SCENES)/lamps.rad
+DEMO_LAMPS  := $(SCENES)/lamp_yellow.rad $(SCENES)/lamp_blue.rad $(SCENES)/spot.cal
+DEMO_STILL  := $(SCENES)/table.rad $(SCENES)/objects.rad
+DEMO_VIEW   := $(SCENES)/view.vf
+DEMO_RUN     = $(ILF_ENV):$(demo_PATH)
+LITERAL     := -ab 2 -aa 0 -as 0 -lw 1e-7 -di $(DI) -ad $(DEMO_AD)
+
+$(DEMO)/statue.obj: scenes/models/statue.py | $(VENV)/.packages
+	@mkdir -p $(@D)
+	@$(PY) $< --height .30 --cells 110 -o $@
+$(DEMO)/statue.rtm: $(DEMO)/statue.obj | $(B0)/lib/.radiance
+	@$(ILF_ENV) obj2mesh $< $@
+
+$(DEMO)/stage.oct: $(DEMO_ROOM) $(DEMO_LAMPS) $(SCENES)/table.rad | $(call bins,oconv xform)
+	@mkdir -p $(@D)
+	@$(DEMO_RUN) oconv -f $(DEMO_ROOM) $(SCENES)/table.rad > $@
+$(DEMO)/photo.oct: $(DEMO_ROOM) $(DEMO_LAMPS) $(DEMO_STILL) $(DEMO)/statue.rtm | $(call bins,oconv xform)
+	@$(DEMO_RUN) oconv -f $(DEMO_ROOM) $(DEMO_STILL) > $@
+# the same surfaces, each of them a window on the light field
+$(DEMO)/with_%.oct: $(DEMO)/%.ilf.exr $(DEMO_ROOM) $(DEMO_LAMPS) $(DEMO_STILL) $(DEMO)/statue.rtm | $(call bins,oconv xform)
+	@{ printf 'void ilf room_light\n1 %s\n0\n0\n' $(<F); \
+	   $(DEMO_RUN) xform -m room_light $(SCENES)/room.rad $(SCENES)/lamps.rad; cat $(DEMO_STILL); } > $(DEMO)/with_$*.rad
+	@cat $(SCENES)/room_materials.rad | $(DEMO_RUN) oconv -f - $(DEMO)/with_$*.rad > $@
+$(DEMO)/mask.oct: $(SCENES)/mask_materials.rad $(DEMO_STILL) $(DEMO)/statue.rtm | $(call bins,oconv xform)
+	@{ cat $(SCENES)/mask_materials.rad; $(DEMO_RUN) xform -m mask_table $(SCENES)/table.rad; \
+	   $(DEMO_RUN) xform -m mask_objects $(SCENES)/objects.rad; } | $(DEMO_RUN) oconv -f - > $@
+
+# one ray in the middle of each pixel, twice the picture's size, so that all pictures see the same edges
+DEMO_PICT := -vf $(DEMO_VIEW) $(DEMO_RES) -ps 1 -pj 0 -w
+$(eval $(call settings,$(DEMO)/render.settings,$(DEMO_PICT) $(LITERAL)))
+PICT_LIGHT_photo  := -ab 2 -aa .15 -ad 512 -as 128 -ar 64 -ds .05 -dj .8 -dt 0 -dc 1
+PICT_LIGHT_mask   := -ab 0
+PICT_LIGHT_with_room   := $(LITERAL)
+PICT_LIGHT_with_single := $(LITERAL)
+$(DEMO)/%.big.hdr: $(DEMO)/%.oct $(DEMO_VIEW) $(DEMO)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
+	@echo "  render: $* $(PICT_LIGHT_$*)"
+	@$(DEMO_RUN) $(PY) scenes/timed.py --log $(DEMO)/$*.json -o $@ -- rpict $(DEMO_PICT) $(PICT_LIGHT_$*) $<
+$(DEMO)/%.hdr: $(DEMO)/%.big.hdr | $(call bins,pfilt)
+	@$(ILF_ENV) $(HALVE) $< > $@
+
+$(DEMO)/demo.png: $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+	@$(PY) scenes/compare.py --reference "Photograph: the room itself=$(DEMO)/photo.hdr" \
+	    --picture "Incident light field, 6 × 6 probes=$(DEMO)/with_room.hdr" \
+	    --picture "Single probe=$(DEMO)/with_single.hdr" --mask $(DEMO)/mask.hdr \
+	    --title "Two spotlights, captured by a virtual fisheye at 6 × 6 positions, 6 exposures each" \
+	    --csv $(DEMO)/errors.csv -o $@
+
+# ---- (a) real photographs ------------------------------------------------------------------------------
+OFFICE_LENS    ?= --lens equisolid --fov 186
+OFFICE_CIRCLE  ?= --centre 706,466 --radius 451.5
+OFFICE_FALLOFF ?= $(if $(wildcard $(OFFICE)/vignetting.json),--falloff $(OFFICE)/vignetting.json --falloff-set f5.6)
+OFFICE_RESPONSE ?= debevec
+OUT_OFFICE     := $(DEMO)/office
+OFFICE_RUN      = $(ILF_ENV):$(TOP)/$(SCENES):$(TOP)/$(DEMO):$(TOP)/$(OUT_OFFICE)
+
+.PHONY: no-office
+no-office:
+	@echo "demo: real photographs left out: no *.jpg in $(OFFICE) (OFFICE=DIR names a series of your own; see scenes/README.md)"
+$(OUT_OFFICE)/fisheye.exr: $(OFFICE_IMAGES) | $(call bins,hdrgen)
+	@mkdir -p $(@D)
+	@echo "  office: merging $(words $^) photographs"
+	@$(ILF_ENV) hdrgen --quiet --response $(OFFICE_RESPONSE) -o $@ $^
+$(OUT_OFFICE)/probe.exr: $(OUT_OFFICE)/fisheye.exr | $(call bins,fishremap)
+	@$(ILF_ENV) fishremap --quiet $(OFFICE_LENS) $(OFFICE_CIRCLE) --size 720x180 --polar-max 90 \
+	    $(OFFICE_FALLOFF) -o $@ $<
+$(OUT_OFFICE)/office.ilf.exr: $(OUT_OFFICE)/probe.exr | $(call bins,ilfpack)
+	@$(ILF_ENV) ilfpack --quiet --grid 1x1 --plane "-.5 0 -.5  1 0 0  0 0 1" --type float -o $@ $<
+$(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(DEMO)/statue.rtm | $(call bins,oconv xform)
+	@$(OFFICE_RUN) oconv -f $(SCENES)/office.rad > $@
+$(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(DEMO)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
+	@echo "  render: office $(LITERAL)"
+	@$(OFFICE_RUN) $(PY) scenes/timed.py --log $(OUT_OFFICE)/office.json -o $@ -- \
+	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) -ps 1 -pj 0 -w $(LITERAL) $<
+$(OUT_OFFICE)/office.hdr: $(OUT_OFFICE)/office.big.hdr | $(call bins,pfilt)
+	@$(ILF_ENV) $(HALVE) $< > $@
+$(DEMO)/office.png: $(OUT_OFFICE)/office.hdr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+	@$(PY) scenes/compare.py --title "Real photographs to a rendered picture" \
+	    --show "One of $(words $(OFFICE_IMAGES)) photographs|fisheye, looking into the room=$(word $(shell echo $$((($(words $(OFFICE_IMAGES)) + 1) / 2))),$(OFFICE_IMAGES))" \
+	    --show "The probe|latitude/longitude, pole in the top row=$(OUT_OFFICE)/probe.exr" \
+	    --show "Rendered in that light|a still life before the wall where the camera stood=$(OUT_OFFICE)/office.hdr" -o $@
