@@ -24,7 +24,7 @@ HALVE     = pfilt -1 -x /2 -y /2
 .PHONY: demo demo-run demo-clean
 demo:
 	+@$(MAKE) --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(DEMO_JOBS)) demo-run
-	@echo "The pictures:"; ls -1 $(DEMO)/*.png | sed 's,^,  $(TOP)/,'
+	@echo "The pictures:"; ls -1 $(DEMO)/demo.png $(DEMO)/office.png 2>/dev/null | sed 's,^,  $(TOP)/,'
 	@echo "The errors:   $(TOP)/$(DEMO)/errors.csv"
 
 # the photographs first: their picture is drawn while the virtual camera works
@@ -65,17 +65,21 @@ $(DEMO)/statue.rtm: $(DEMO)/statue.obj | $(B0)/lib/.radiance
 
 $(DEMO)/stage.oct: $(DEMO_ROOM) $(DEMO_LAMPS) $(SCENES)/table.rad | $(call bins,oconv xform)
 	@mkdir -p $(@D)
-	@$(DEMO_RUN) oconv -f $(DEMO_ROOM) $(SCENES)/table.rad > $@
+	@$(DEMO_RUN) oconv -f $(DEMO_ROOM) $(SCENES)/table.rad > $@.part
+	@mv $@.part $@
 $(DEMO)/photo.oct: $(DEMO_ROOM) $(DEMO_LAMPS) $(DEMO_STILL) $(DEMO)/statue.rtm | $(call bins,oconv xform)
-	@$(DEMO_RUN) oconv -f $(DEMO_ROOM) $(DEMO_STILL) > $@
+	@$(DEMO_RUN) oconv -f $(DEMO_ROOM) $(DEMO_STILL) > $@.part
+	@mv $@.part $@
 # the same surfaces, each of them a window on the light field
 $(DEMO)/with_%.oct: $(DEMO)/%.ilf.exr $(DEMO_ROOM) $(DEMO_LAMPS) $(DEMO_STILL) $(DEMO)/statue.rtm | $(call bins,oconv xform)
 	@{ printf 'void ilf room_light\n1 %s\n0\n0\n' $(<F); \
 	   $(DEMO_RUN) xform -m room_light $(SCENES)/room.rad $(SCENES)/lamps.rad; cat $(DEMO_STILL); } > $(DEMO)/with_$*.rad
-	@cat $(SCENES)/room_materials.rad | $(DEMO_RUN) oconv -f - $(DEMO)/with_$*.rad > $@
+	@cat $(SCENES)/room_materials.rad | $(DEMO_RUN) oconv -f - $(DEMO)/with_$*.rad > $@.part
+	@mv $@.part $@
 $(DEMO)/mask.oct: $(SCENES)/mask_materials.rad $(DEMO_STILL) $(DEMO)/statue.rtm | $(call bins,oconv xform)
 	@{ cat $(SCENES)/mask_materials.rad; $(DEMO_RUN) xform -m mask_table $(SCENES)/table.rad; \
-	   $(DEMO_RUN) xform -m mask_objects $(SCENES)/objects.rad; } | $(DEMO_RUN) oconv -f - > $@
+	   $(DEMO_RUN) xform -m mask_objects $(SCENES)/objects.rad; } | $(DEMO_RUN) oconv -f - > $@.part
+	@mv $@.part $@
 
 # one ray in the middle of each pixel, twice the picture's size, so that all pictures see the same edges
 DEMO_PICT := -vf $(DEMO_VIEW) $(DEMO_RES) -ps 1 -pj 0 -w
@@ -88,13 +92,18 @@ $(DEMO)/%.big.hdr: $(DEMO)/%.oct $(DEMO_VIEW) $(DEMO)/render.settings scenes/tim
 	@echo "  render: $* $(PICT_LIGHT_$*)"
 	@$(DEMO_RUN) $(PY) scenes/timed.py --log $(DEMO)/$*.json -o $@ -- rpict $(DEMO_PICT) $(PICT_LIGHT_$*) $<
 $(DEMO)/%.hdr: $(DEMO)/%.big.hdr | $(call bins,pfilt)
-	@$(ILF_ENV) $(HALVE) $< > $@
+	@$(ILF_ENV) $(HALVE) $< > $@.part
+	@mv $@.part $@
 
-$(DEMO)/demo.png: $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+$(DEMO)/%.mosaic.png: $(DEMO)/%.ilf.exr | $(call bins,ilfinfo)
+	@$(ILF_ENV) ilfinfo --quiet --montage $@ $< > $(DEMO)/$*.ilf.txt
+
+$(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --reference "Photograph: the room itself=$(DEMO)/photo.hdr" \
 	    --picture "Incident light field, 6 × 6 probes=$(DEMO)/with_room.hdr" \
 	    --picture "Single probe=$(DEMO)/with_single.hdr" --mask $(DEMO)/mask.hdr \
 	    --title "Two spotlights, captured by a virtual fisheye at 6 × 6 positions, 6 exposures each" \
+	    --extra "the light field: 6 × 6 probes, each a latitude/longitude map of the hemisphere=$(DEMO)/room.mosaic.png" \
 	    --csv $(DEMO)/errors.csv -o $@
 
 # ---- (a) real photographs ------------------------------------------------------------------------------
@@ -118,13 +127,15 @@ $(OUT_OFFICE)/probe.exr: $(OUT_OFFICE)/fisheye.exr | $(call bins,fishremap)
 $(OUT_OFFICE)/office.ilf.exr: $(OUT_OFFICE)/probe.exr | $(call bins,ilfpack)
 	@$(ILF_ENV) ilfpack --quiet --grid 1x1 --plane "-.5 0 -.5  1 0 0  0 0 1" --type float -o $@ $<
 $(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(DEMO)/statue.rtm | $(call bins,oconv xform)
-	@$(OFFICE_RUN) oconv -f $(SCENES)/office.rad > $@
+	@$(OFFICE_RUN) oconv -f $(SCENES)/office.rad > $@.part
+	@mv $@.part $@
 $(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(DEMO)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
 	@echo "  render: office $(LITERAL)"
 	@$(OFFICE_RUN) $(PY) scenes/timed.py --log $(OUT_OFFICE)/office.json -o $@ -- \
 	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) -ps 1 -pj 0 -w $(LITERAL) $<
 $(OUT_OFFICE)/office.hdr: $(OUT_OFFICE)/office.big.hdr | $(call bins,pfilt)
-	@$(ILF_ENV) $(HALVE) $< > $@
+	@$(ILF_ENV) $(HALVE) $< > $@.part
+	@mv $@.part $@
 $(DEMO)/office.png: $(OUT_OFFICE)/office.hdr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --title "Real photographs to a rendered picture" \
 	    --show "One of $(words $(OFFICE_IMAGES)) photographs|fisheye, looking into the room=$(word $(shell echo $$((($(words $(OFFICE_IMAGES)) + 1) / 2))),$(OFFICE_IMAGES))" \
