@@ -10,15 +10,29 @@
 #include <stdio.h>
 #include <string.h>
 
+/* Bytes of the UTF-8 character at s, or 0 where there is none that may be shown: control
+ * characters, and bytes that are no UTF-8 (a broken file's header quoted in a message). */
+static size_t showable(const unsigned char *s)
+{
+    if (s[0] >= 0x20 && s[0] < 0x7f) return 1;
+    size_t n = s[0] >= 0xc2 && s[0] < 0xe0 ? 2 : (s[0] & 0xf0) == 0xe0 ? 3 : s[0] >= 0xf0 && s[0] < 0xf5 ? 4 : 0;
+    for (size_t i = 1; i < n; i++)
+        if ((s[i] & 0xc0) != 0x80) return 0;
+    return n == 2 && s[0] == 0xc2 && s[1] < 0xa0 ? 0 : n; /* U+0080 to U+009F are controls */
+}
+
 static void put(errmsg *e, const char *text)
 {
-    size_t n = strlen(text);
-    if (n >= sizeof e->text) n = sizeof e->text - 1;
-    for (size_t i = 0; i < n; i++) {
-        unsigned char c = (unsigned char)text[i];
-        e->text[i] = c < 0x20 || c == 0x7f ? '?' : (char)c;
+    size_t to = 0;
+    for (const unsigned char *s = (const unsigned char *)text; *s;) {
+        size_t n = showable(s);
+        if (to + (n ? n : 1) >= sizeof e->text) break;
+        if (n) memcpy(e->text + to, s, n);
+        else e->text[to] = '?';
+        to += n ? n : 1;
+        s += n ? n : 1;
     }
-    e->text[n] = 0;
+    e->text[to] = 0;
 }
 
 int err_set(errmsg *e, const char *fmt, ...)

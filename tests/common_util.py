@@ -11,6 +11,8 @@ import numpy as np
 BUILD = pathlib.Path(os.environ.get("ILF_BUILD", "build")).resolve()
 IMGTOOL = BUILD / "test" / "imgtool"
 CLITOOL = BUILD / "test" / "clitool"
+# under the sanitizer too, memory that isn't there is a NULL for us to report
+os.environ["ASAN_OPTIONS"] = "allocator_may_return_null=1:" + os.environ.get("ASAN_OPTIONS", "")
 
 
 def run(program, *args, **kw):
@@ -190,7 +192,6 @@ def write_tiff(path, a, order="<", photometric=None, separate=False, tile=None, 
         tags[338] = (3, extra)
     if palette is not None:
         tags[320] = (3, palette.T.ravel().tolist())
-    tags.update(dict(more))
     offset, data = 8, b""
     offsets = []
     for u in units:
@@ -200,6 +201,7 @@ def write_tiff(path, a, order="<", photometric=None, separate=False, tile=None, 
         tags.update({322: (4, [tile[0]]), 323: (4, [tile[1]]), 324: (4, offsets), 325: (4, [len(u) for u in units])})
     else:
         tags.update({278: (4, [rows]), 273: (4, offsets), 279: (4, [len(u) for u in units])})
+    tags.update(dict(more))
     path.write_bytes(_tiff_file(order, tags, data))
 
 

@@ -44,7 +44,7 @@ def test_version():
 def test_forms_of_an_option():
     for args in (["--whole", "-3"], ["--whole=-3"], ["-w", "-3"], ["-w-3"], ["--wh=-3"], ["-fw-3"]):
         assert facts(*args)[0]["whole"] == "-3"
-    assert facts("-fq")[0] == facts("--flag", "--quiet")[0] | {"x": 0}
+    assert facts("-fq")[0] == facts("--flag", "--quiet")[0]
     assert facts("--real", "1/4")[0]["real"] == "0.25"
     assert facts("--size=640x480")[0]["size"] == "640x480"
     assert facts("--three", "1,2.5,-3e2")[0]["three"] == "1,2.5,-300"
@@ -66,6 +66,7 @@ def test_command_line_as_text():
     (["--nonsense"], "unknown option --nonsense"),
     (["-Z"], "unknown option -Z"),
     (["--s", "1"], "ambiguous"),
+    (["--step", "x"], "--steps"),
     (["--flag=1"], "takes no value"),
     (["--whole"], "found none"),
     (["-w"], "found none"),
@@ -96,6 +97,31 @@ def test_quiet_silences_remarks_only():
     assert run(CLITOOL, "-q").stderr == b""
 
 
+def on_a_terminal(*args):
+    ours, theirs = os.openpty()
+    p = subprocess.Popen([CLITOOL, *args], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=theirs)
+    os.close(theirs)
+    text = b""
+    try:
+        while data := os.read(ours, 4096):
+            text += data
+    except OSError:  # how a terminal says that the other end is gone
+        pass
+    os.close(ours)
+    assert p.wait(10) == 0
+    return text.decode()
+
+
+def test_progress_bar_on_a_terminal_only():
+    text = on_a_terminal("--steps", "100000")
+    bars = text.split("\r")
+    assert len(bars) < 120 and text.count("stepping") >= 100  # drawn when the percentage changes, not at every step
+    assert "[" + "#" * 40 + "] 100%" in text
+    assert "\r\x1b[Kclitool: half way\r\n" in text  # a remark takes the bar's line
+    assert on_a_terminal("--steps", "1000", "--quiet") == ""
+    assert run(CLITOOL, "--steps", "1000").stderr == b"clitool: half way\nclitool: a remark\n"
+
+
 def test_full_standard_output_is_a_failure():
     with open("/dev/full", "w") as full:
         p = subprocess.run([CLITOOL, "x"], stdout=full, stderr=subprocess.PIPE)
@@ -114,6 +140,12 @@ def test_control_characters_in_a_name_keep_the_message_one_line(tmp_path):
     name = str(tmp_path / "no\nsuch\x1b[2Jfolder" / "f")
     line = refused(run(CLITOOL, "-o", name))
     assert "\x1b" not in line and "no?such?[2Jfolder" in line
+
+
+def test_names_that_are_not_ascii(tmp_path):
+    for name, shown in ((b"n\xc3\xa4h/f", "n\u00e4h/f"), (b"a\xe4\xff/f", "a??/f"), (b"a\xc2\x9b2J/f", "a??2J/f")):
+        p = run(CLITOOL, "-o", os.fsdecode(os.fsencode(tmp_path) + b"/" + name))
+        assert shown in refused(p)
 
 
 # ---- outputs -----------------------------------------------------------------------------------------

@@ -363,6 +363,27 @@ def test_ilftrace_is_continuous(tmp_path):
             assert np.ptp(got, axis=0).max() < 1e-4
 
 
+@pytest.mark.parametrize("reals, sign", [(9, 1), (12, 1), (12, -1)])
+def test_ilftrace_on_another_plane(tmp_path, reals, sign):
+    """--plane: the material's reals."""
+    rng = np.random.default_rng(19)
+    f = random_ilf(rng, 3, 4, 8, 5, "sphere")
+    q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    g = f.placed([1, 2, 3], q[0] * 2, q[1] * 0.7, np.cross(q[0], q[1]) * sign * 5 if reals == 12 else None)
+    path = write_ilf(tmp_path / "f.ilf.exr", f)
+    numbers = [g.origin, g.U, g.V] + ([g.N] if reals == 12 else [])
+    o, d, h = rays(rng, g, 3000)
+    assert_same(trace(path, o, d, h, True, "--plane", " ".join(f"{x:.17g}" for x in np.ravel(numbers))), g.eval(o, d, h))
+
+
+def test_ilftrace_reports_the_probes_that_it_used(tmp_path):
+    rng = np.random.default_rng(20)
+    f = random_ilf(rng, 30, 30, 4, 4, plane=((0, 0, 0), (29, 0, 0), (0, 29, 0)))
+    path = write_ilf(tmp_path / "f.ilf.exr", f)
+    for ray, n in (("3.5 4.5 0 0 0 1 3.5 4.5 0\n", 4), ("3 4 0 0 0 1 3 4 0\n", 1), ("3.5 4 0 0 0 1 3.5 4 0\n", 2), ("0 0 0 0 0 -1 1 1 1\n", 0)):
+        assert f"{n} of 900 probes" in run("ilftrace", "--report", path, stdin=ray).err
+
+
 def test_ilftrace_does_not_depend_on_threads(tmp_path):
     rng = np.random.default_rng(17)
     f = random_ilf(rng, 4, 4, 8, 5)

@@ -258,6 +258,97 @@ def test_tile_table_that_points_nowhere(tmp_path, good, offset):
         assert r.code == 1
         one_line_error(r, "ilftrace", "bad.ilf.exr")
 
+def right_or_refused(tmp_path, data, damaged):
+    """Damage in one tile's bookkeeping: the numbers of the sound file, or one line and exit 1."""
+    good_path, path = tmp_path / "good.ilf.exr", tmp_path / "bad.ilf.exr"
+    good_path.write_bytes(data)
+    path.write_bytes(damaged)
+    r = run("ilftrace", path, stdin=RAY, code=None)
+    if r.code == 0:
+        assert r.out == run("ilftrace", good_path, stdin=RAY).out, "quietly wrong"
+    else:
+        assert r.code == 1
+        one_line_error(r, "ilftrace", "bad.ilf.exr")
+
+
+@pytest.mark.parametrize("compression", ["none", "zip"])
+def test_tiles_that_are_not_what_the_table_says(tmp_path, good, compression):
+    """Entries exchanged, coordinates or level changed, sizes that lie: a tile is checked against its own header."""
+    f, _ = good
+    data = write_ilf(tmp_path / "whole.exr", f, compression=compression).read_bytes()
+    table, offsets = tile_offsets(data)
+    for a, b in ((0, 1), (0, 5), (1, 4)):
+        order = offsets.copy()
+        order[a], order[b] = order[b], order[a]
+        damaged = bytearray(data)
+        struct.pack_into(f"<{len(order)}Q", damaged, table, *order)
+        right_or_refused(tmp_path, data, bytes(damaged))
+    for field in range(4):                               # x, y, level x, level y
+        for value in (-1, 1, 2, 7, 2**31 - 1):
+            damaged = bytearray(data)
+            struct.pack_into("<i", damaged, offsets[0] + 4 * field, value)
+            right_or_refused(tmp_path, data, bytes(damaged))
+    size, = struct.unpack_from("<i", data, offsets[0] + 16)
+    for value in (0, 1, size // 2, size - 1, size + 1, 2 * size, 2**31 - 1, -1):
+        damaged = bytearray(data)
+        struct.pack_into("<i", damaged, offsets[0] + 16, value)
+        right_or_refused(tmp_path, data, bytes(damaged))
+
+
+def test_light_field_in_the_second_part_is_not_found(tmp_path, good):
+    """The first part is the light field."""
+    import OpenEXR
+    f, data = good
+    window = np.zeros(2, np.int32), np.array([23, 7], np.int32)
+    first = OpenEXR.Part({"type": OpenEXR.scanlineimage, "displayWindow": window}, {"Y": np.ones((8, 24), np.float32)}, "first")
+    tiles = OpenEXR.TileDescription()
+    tiles.xSize, tiles.ySize = 8, 4
+    image = f.mosaic().astype(np.float32)
+    header = {"type": OpenEXR.tiledimage, "tiles": tiles, "ilf:version": 1, "ilf:polarMax": 1.5, "ilf:origin": (0.0, 0.0, 0.0),
+              "ilf:U": (1.0, 0.0, 0.0), "ilf:V": (0.0, 1.0, 0.0)}
+    second = OpenEXR.Part(header, {c: np.ascontiguousarray(image[..., k]) for k, c in enumerate("RGB")}, "second")
+    OpenEXR.File([first, second]).write(str(tmp_path / "bad.ilf.exr"))
+    refused(tmp_path, None, "tile")
+
+
+def feed(process, text):
+    """Write to the process's standard input and wait until it has been read."""
+    import fcntl
+    import termios
+    import time
+    process.stdin.write(text.encode())
+    process.stdin.flush()
+    for _ in range(1000):
+        waiting = struct.unpack("i", fcntl.ioctl(process.stdin.fileno(), termios.FIONREAD, b"\0" * 4))[0]
+        if not waiting:
+            break
+        time.sleep(0.01)
+    time.sleep(0.1)                                      # for what is done with it
+
+
+@pytest.mark.parametrize("how", ["renamed over", "removed", "truncated in place"])
+def test_file_that_changes_while_it_is_used(tmp_path, how):
+    """Replaced or removed: the open file goes on to be read.  Cut short in place: a refusal, not a signal."""
+    f = random_ilf(np.random.default_rng(29), 30, 2, 32, 32, plane=((0, 0, 0), (29, 0, 0), (0, 1, 0)))
+    path = write_ilf(tmp_path / "f.ilf.exr", f)
+    first, second = "0 0 0 0.1 0.2 1 0 0 0\n", "29 1 0 0.1 0.2 1 29 1 0\n"
+    expected = run("ilftrace", path, stdin=first + second).out
+    p = subprocess.Popen([str(BIN / "ilftrace"), str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                         env=environment())
+    feed(p, first)
+    if how == "renamed over":
+        (tmp_path / "new").write_bytes(b"something else")
+        (tmp_path / "new").rename(path)
+    elif how == "removed":
+        path.unlink()
+    else:
+        os.truncate(path, 5000)
+    out, err = p.communicate(second.encode(), timeout=20)
+    if how == "truncated in place":
+        assert p.returncode == 1 and err.decode().startswith("ilftrace: ") and err.count(b"\n") == 1, (p.returncode, err)
+    else:
+        assert p.returncode == 0 and out == expected
+
 
 @pytest.mark.parametrize("value", [NAN, INF, -INF], ids=str)
 @pytest.mark.parametrize("half, compression", [(False, "none"), (True, "none"), (True, "zip"), (False, "piz")])

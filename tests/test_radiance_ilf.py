@@ -301,6 +301,56 @@ def test_alias(tmp_path):
     compare(tmp_path, oconv(tmp_path, text), [s], *rays_about(rng, f, 3000), rng, 0.4)
 
 
+def test_alias_and_pattern_on_a_source(tmp_path):
+    """A source's material is found through an alias, whose modifier takes the place of the material's own."""
+    rng = np.random.default_rng(68)
+    f, file = file_and_ilf(tmp_path, rng, plane=UPRIGHT)
+    (tmp_path / "p.cal").write_text("br = 1 + 0.5*Dx + 0.25*Dz;\n")
+    text = ("void brightfunc pat\n2 br ./p.cal\n0\n0\n" + material("room", file)
+            + "\npat alias other room\n" + Source((0, 0, 1), 360).rad("other", "sky"))
+    s = Surface(Source((0, 0, 1), 360), f, True, lambda h, d: (1 + 0.5 * d[:, 0] + 0.25 * d[:, 2])[:, None])
+    compare(tmp_path, oconv(tmp_path, text), [s], *rays_about(rng, f, 3000), rng, 0.4)
+
+
+def test_mixture_of_two_light_fields(tmp_path):
+    rng = np.random.default_rng(69)
+    f, one = file_and_ilf(tmp_path, rng, name="one", plane=UPRIGHT)
+    g, two = file_and_ilf(tmp_path, rng, (2, 2), name="two", plane=UPRIGHT)
+    (tmp_path / "m.cal").write_text("quarter = 0.25;\n")
+    text = (material("a", one) + material("b", two, depth=False) + "void mixfunc both\n4 a b quarter ./m.cal\n0\n0\n"
+            + Sphere((0, 0, 0), 5).rad("both", "dome"))
+    octree = oconv(tmp_path, text)
+    o, d = rays_about(rng, f, 3000)
+    surfaces = [Surface(Sphere((0, 0, 0), 5), x, depth) for x, depth in ((f, True), (g, False))]
+    expected = 0.25 * scene_value(surfaces[:1], o, d) + 0.75 * scene_value(surfaces[1:], o, d)
+    good = clear(surfaces[:1], o, d, rng)
+    assert_same(rtrace(tmp_path, octree, o, d)[good], expected[good])
+
+
+def test_octree_that_is_added_to(tmp_path):
+    """oconv -i: the light field in the old part, and another in the new."""
+    rng = np.random.default_rng(70)
+    f, one = file_and_ilf(tmp_path, rng, name="one")
+    g, two = file_and_ilf(tmp_path, rng, (2, 2), name="two")
+    a, b = Surface(Sphere((0, 0, 0), 5), f), Surface(Sphere((2, 1, 0), 0.5), g)
+    oconv(tmp_path, material("a", one) + a.shape.rad("a", "dome"), "old")
+    octree = oconv(tmp_path, material("b", str(tmp_path / two)) + b.shape.rad("b", "ball"), "scene", "-i", "old.oct")
+    compare(tmp_path, octree, [a, b], *rays_about(rng, f, 6000), rng, 0.3)
+
+
+def test_a_lamp_beside_the_light_field(tmp_path):
+    """Direct light of an ordinary source and the light field's add up, and neither is counted twice."""
+    octree = dome_scene(tmp_path, lambda d: d * 0 + L, n_theta=16, n_phi=8)
+    lamp = "void light l\n0\n0\n3 5e4 5e4 5e4\n" + Sphere((3, 0, 4), 0.02).rad("l", "lamp")
+    text = (tmp_path / "scene.rad").read_text()
+    oconv(tmp_path, text + lamp)
+    got = irradiance(tmp_path, octree, [(0, 0, 1)], "-dj", "0")[0]
+    direct = 5e4 * PI * 0.02 ** 2 / 25 * 0.8             # L A cos / d^2 of a small far sphere
+    assert np.allclose(got, PI * L + direct, rtol=2e-3)
+    r = run("rtrace", "-h", "-I", "-ab", "0", "-di", "0", "-dj", "0", octree, stdin="0 0 0 0 0 1\n", cwd=tmp_path)
+    assert np.allclose(np.array(r.text.split(), float), direct, rtol=2e-3)
+
+
 @pytest.mark.parametrize("far", [False, True], ids=["dome", "source"])
 def test_mirror_ball_shows_the_light_field(tmp_path, far):
     rng = np.random.default_rng(56)

@@ -9,7 +9,7 @@
 #include "cli.h"
 #include "outfile.h"
 
-static int flag, whole = 7;
+static int flag, whole = 7, steps;
 static double real = 0.5;
 static const char *output, *mode = "commit", *spare = "-";
 static int size[2];
@@ -34,6 +34,7 @@ static const cli_opt opts[] = {
     {"whole", 'w', CLI_INT, &whole, NULL, "N", "a whole number (default 7)"},
     {"real", 'r', CLI_DOUBLE, &real, NULL, "X", "a number (default 0.5)"},
     {"size", 0, CLI_CALL, size, take_size, "WxH", "a size in pixels"},
+    {"steps", 0, CLI_INT, &steps, NULL, "N", "show a progress bar of N steps, with a remark half way"},
     {"spare-option-with-a-long-name", 0, CLI_STRING, &spare, NULL, "WORD", "nothing"},
     {"three", 0, CLI_CALL, three, take_three, "A,B,C", "three numbers"},
     {0},
@@ -62,6 +63,10 @@ static void write_output(void)
 int main(int argc, char **argv)
 {
     int n = cli_parse(&prog, argc, argv);
+    for (int i = 1; i <= steps; i++) {
+        cli_progress("stepping", i, steps);
+        if (i == steps / 2) cli_note("half way");
+    }
     if (output) {
         write_output();
         return cli_end(CLI_OK);

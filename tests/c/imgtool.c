@@ -55,7 +55,7 @@ static void load_rows(img *im, const char *path)
     im->info = *i;
     size_t stride = (size_t)i->width * (size_t)i->channels;
     im->pix = malloc(stride * (size_t)i->height * sizeof *im->pix);
-    if (!im->pix) cli_fail(CLI_FAILED, "out of memory");
+    if (!im->pix) cli_fail(CLI_FAILED, "%s: out of memory", path);
     for (int y = 0, step = 1; y < i->height; step = step % 7 + 1) {
         int n = i->height - y < step ? i->height - y : step;
         if (img_reader_rows(r, im->pix + stride * (size_t)y, n, &e) < 0) {

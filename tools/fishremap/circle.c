@@ -9,8 +9,8 @@
 
 #define COARSE 64   /* pixels, longer side of the smallest copy */
 #define ANGLES 96
-#define KEPT 24     /* candidates that are followed up */
-#define CLIP 0.25f  /* log units per pixel of the copy: more does not count more */
+#define KEPT 40     /* candidates that are followed up */
+#define FAINT 0.03f /* log units per pixel: gradients well above count in full */
 
 typedef struct level {
     int w, h;
@@ -97,7 +97,8 @@ static int reduce(level *out, const float *g, int w, int h, int k)
 
 static double cosines[ANGLES], sines[ANGLES];
 
-/* Mean clipped radial gradient along the circle, times how much of it is in the picture. */
+/* How radial the gradient is along the circle, -1..1 per sample and 0 on average in a random
+ * picture, times how much of the circle is in the picture. */
 static double score(const level *l, circle_kind kind, double x, double y, double r)
 {
     float sum = 0;
@@ -107,14 +108,14 @@ static double score(const level *l, circle_kind kind, double x, double y, double
         int i = (int)floor(px), j = (int)floor(py);
         if (i < 1 || j < 1 || i >= l->w - 1 || j >= l->h - 1) continue;
         size_t at = (size_t)j * (size_t)l->w + (size_t)i;
-        float d = l->gx[at] * (float)cosines[k] + l->gy[at] * (float)sines[k];
+        float gx = l->gx[at], gy = l->gy[at];
+        float d = gx * (float)cosines[k] + gy * (float)sines[k], all = gx * gx + gy * gy;
+        float t = (2 * d * d - all) / (all + FAINT * FAINT);
         seen++;
-        if (kind == CIRCLE_LENS) sum += d < -CLIP ? CLIP : d > CLIP ? -CLIP : -d;
-        else sum += fminf(fabsf(d), CLIP);
+        sum += kind == CIRCLE_LENS && d > 0 ? -fabsf(t) : t;
     }
     if (seen < ANGLES / 8) return 0;
-    double share = (double)seen / ANGLES;
-    return (double)sum / seen * sqrt(share);
+    return (double)sum / seen * sqrt((double)seen / ANGLES) * sqrt(sqrt(r / (l->w + l->h)));
 }
 
 static void keep(candidate *best, const candidate *c)
@@ -122,7 +123,7 @@ static void keep(candidate *best, const candidate *c)
     int worst = 0;
     for (int k = 0; k < KEPT; k++) {
         double apart = fabs(best[k].x - c->x) + fabs(best[k].y - c->y) + fabs(best[k].r - c->r);
-        if (best[k].score > 0 && apart < 4) { /* the same again */
+        if (best[k].score > 0 && apart < 3) { /* the same again */
             if (c->score > best[k].score) best[k] = *c;
             return;
         }
@@ -134,7 +135,7 @@ static void keep(candidate *best, const candidate *c)
 static void climb(candidate *c, const level *l, circle_kind kind, int free_radius)
 {
     c->score = score(l, kind, c->x, c->y, c->r);
-    for (double step = 1; step > 0.2; step /= 2)
+    for (double step = 2; step > 0.2; step /= 2)
         for (int moved = 1, it = 0; moved && it < 30; it++) {
             moved = 0;
             for (int m = 0; m < 27; m++) {
@@ -252,7 +253,8 @@ int circle_refine(circle_found *f, const float *grey, int w, int h, circle_kind 
     return agree < RAYS / 10 ? -1 : 0;
 }
 
-static int search(candidate *c, const float *grey, int w, int h, circle_kind kind, double radius)
+/* Candidates, in pixels of the picture, score 0 where there are fewer; -1 if none stands out. */
+static int search(candidate found[KEPT], const float *grey, int w, int h, circle_kind kind, double radius)
 {
     int longer = w > h ? w : h, k = longer / COARSE > 1 ? longer / COARSE : 1, rc = -1;
     level l;
@@ -271,7 +273,7 @@ static int search(candidate *c, const float *grey, int w, int h, circle_kind kin
     for (;;) {
         for (int i = 0; i < KEPT; i++)
             if (best[i].score > 0) climb(&best[i], &l, kind, radius <= 0);
-        if (k == 1 || l.w >= 800) break;
+        if (k == 1 || l.w >= 600) break;
         int next = k / 2;
         double ratio = (double)k / next;
         level_free(&l);
@@ -279,11 +281,11 @@ static int search(candidate *c, const float *grey, int w, int h, circle_kind kin
         k = next;
         for (int i = 0; i < KEPT; i++) best[i].x *= ratio, best[i].y *= ratio, best[i].r *= ratio;
     }
-    *c = best[0];
-    for (int i = 1; i < KEPT; i++)
-        if (best[i].score > c->score) *c = best[i];
-    c->x *= k, c->y *= k, c->r *= k;
-    rc = c->score > 0.01 ? 0 : -1;
+    for (int i = 0; i < KEPT; i++) {
+        found[i] = best[i];
+        found[i].x *= k, found[i].y *= k, found[i].r *= k;
+        if (best[i].score > 0.05) rc = 0;
+    }
 done:
     level_free(&l);
     return rc;
@@ -291,17 +293,23 @@ done:
 
 int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kind, double radius, errmsg *e)
 {
-    candidate c;
+    candidate c[KEPT];
+    circle_found best = {0};
+    double quality = 0;
     if (w < 16 || h < 16) return err_set(e, "expected a picture of at least 16 x 16 pixels to find a circle in, found %d x %d", w, h);
     float *grey = circle_grey(pix, w, h);
     if (!grey) return err_set(e, "out of memory");
-    int rc = search(&c, grey, w, h, kind, radius);
-    if (!rc) {
-        circle_found t = {c.x, c.y, c.r, 0, 0};
-        double slack = fmax(3, 0.015 * c.r);
-        rc = circle_refine(&t, grey, w, h, kind, slack);
-        if (!rc) *f = t;
+    int rc = search(c, grey, w, h, kind, radius);
+    for (int i = 0; !rc && i < KEPT; i++) {
+        if (c[i].score <= 0.05) continue;
+        circle_found t = {c[i].x, c[i].y, c[i].r, 0, 0};
+        if (circle_refine(&t, grey, w, h, kind, fmax(3, 0.02 * c[i].r))) continue;
+        /* much of the rim, close to one circle; large rather than small */
+        double q = c[i].score * t.share * sqrt(t.r) / (0.3 + t.rms);
+        if (q > quality) quality = q, best = t;
     }
     free(grey);
-    return rc ? err_set(e, "expected a circle that stands out, found none; give --centre and --radius") : 0;
+    if (!(quality > 0)) return err_set(e, "expected a circle that stands out, found none; give --centre and --radius");
+    *f = best;
+    return 0;
 }

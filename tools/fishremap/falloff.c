@@ -228,13 +228,13 @@ static int parse_json(falloff *f, const char *text, const char *name, const char
         snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s", *list ? ", " : "", j->set[i].name);
         if (strcmp(j->set[i].name, want) == 0) s = &j->set[i];
     }
-    for (int i = 0; !s && !set && usable == 1 && i < j->nsets; i++)
+    for (int i = 0; !s && (!*want || (!set && usable == 1)) && i < j->nsets; i++)
         if (j->set[i].powers) s = &j->set[i];
     if (!s) {
-        err_set(e, "%s: expected one of the sets (%s), found %s%s", name, *list ? list : "none there",
-                *want ? "a wish for " : "no choice; name one", want);
+        err_set(e, "%s: expected %s, found the sets (%s)", name, *want ? want : "a set of coefficients", *list ? list : "none");
         goto done;
     }
+    if (!*want && usable > 1) snprintf(f->chosen, sizeof f->chosen, "%s", s->name);
     for (int c = 0; c < 3; c++) from_polynomial(f, c, s->c, MAX_POWER + 1, f->half);
     rc = 0;
 done:

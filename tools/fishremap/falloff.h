@@ -22,11 +22,13 @@
 
 typedef struct falloff {
     double half;                         /* field angle of the last entry */
+    char chosen[64];                     /* set taken from several without being asked for, or "" */
     double v[3][FALLOFF_STEPS + 1];      /* V at angle half*k/FALLOFF_STEPS, > 0 */
 } falloff;
 
 /* Read a file; half = half the field of view.  set picks one of a JSON file's sets by name, or NULL:
- * then f_number (0 = unknown) picks "f<number>", or the only set.  The words list the sets. */
+ * then f_number picks "f<number>", or if that is 0 (unknown) the first set counts, and is named in
+ * `chosen` if there are more. */
 int falloff_read(falloff *f, const char *path, double half, const char *set, double f_number, errmsg *e);
 
 /* The same from text in memory (name for messages). */

@@ -141,6 +141,7 @@ static const cli_opt options[] = {
     {"to", 0, CLI_CALL, &cfg, opt_to, "VIEW", "what OUT shall be: probe (default), fisheye, ball, latlong or angular"},
     {"span", 0, CLI_DOUBLE, &cfg.span_deg, NULL, "DEG", "longitudes across a latlong picture (default 360)"},
     {"outside", 0, CLI_CALL, &cfg, opt_outside, "MODE", "directions that IN does not show: alpha (default; black, with an\nalpha channel), black, or hold (nearest in the column)"},
+    {"overlay", 0, CLI_STRING, &cfg.overlay, NULL, "FILE.png", "write IN with the circles found, or given, drawn on it"},
     {"mask", 'm', CLI_STRING, &cfg.mask, NULL, "FILE", "picture of IN's size; where it is black, IN is not used"},
     {"array", 'a', CLI_CALL, &cfg, opt_array, "NxM", "IN shows N x M mirror spheres; OUT is a light field"},
     {"corners", 0, CLI_CALL, &cfg, opt_corners, "LIST", "corner spheres \"X,Y,R X,Y,R X,Y,R X,Y,R\": (0,0), (N-1,0),\n(N-1,M-1), (0,M-1), or auto"},

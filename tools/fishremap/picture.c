@@ -7,8 +7,10 @@
 #include <string.h>
 #include <time.h>
 
+#include "circle.h"
 #include "falloff.h"
 #include "lensfile.h"
+#include "overlay.h"
 #include "remap.h"
 #include "settings.h"
 #include "slope.h"
@@ -72,11 +74,19 @@ int input_load(img *im, const settings *s, errmsg *e)
 }
 
 /* A disc's place in the picture: given, from the lens file's camera, or the largest that fits. */
-static int place_disc(double *cx, double *cy, double *r, const settings *s, const lens *l, int w, int h, errmsg *e)
+static int place_disc(double *cx, double *cy, double *r, const settings *s, const lens *l, const img *im, errmsg *e)
 {
+    int w = im->info.width, h = im->info.height;
     *cx = s->have_centre ? s->centre[0] : l->focal_px > 0 ? l->centre_px[0] : w / 2.;
     *cy = s->have_centre ? s->centre[1] : l->focal_px > 0 ? l->centre_px[1] : h / 2.;
     *r = s->radius > 0 ? s->radius : l->focal_px > 0 ? l->focal_px / l->scale : (w < h ? w : h) / 2.;
+    if (s->centre_auto) {
+        circle_found f;
+        double known = s->radius > 0 || l->focal_px > 0 ? *r : 0;
+        if (circle_find(&f, im->pix, w, h, s->from == VIEW_BALL ? CIRCLE_BALL : CIRCLE_LENS, known, e)) return -1;
+        *cx = f.x, *cy = f.y;
+        if (!known) *r = f.r;
+    }
     double dx = fmax(fmax(-*cx, *cx - w), 0), dy = fmax(fmax(-*cy, *cy - h), 0);
     if (hypot(dx, dy) >= *r)
         return err_set(e, "%s: expected the image circle to reach into the picture (%d x %d), found centre %g,%g radius %g",
@@ -84,7 +94,7 @@ static int place_disc(double *cx, double *cy, double *r, const settings *s, cons
     return 0;
 }
 
-static int make_disc(chart *c, const settings *s, view_kind kind, int is_input, int w, int h, int mirror, errmsg *e)
+static int make_disc(chart *c, const settings *s, view_kind kind, const img *im, int w, int h, int mirror, errmsg *e)
 {
     lens l;
     double cx = w / 2., cy = h / 2., r = (w < h ? w : h) / 2.;
@@ -98,19 +108,21 @@ static int make_disc(chart *c, const settings *s, view_kind kind, int is_input, 
     } else if (lens_read(&l, s->lens, s->fov_deg, e)) {
         return -1;
     }
-    if (is_input && place_disc(&cx, &cy, &r, s, &l, w, h, e)) return -1;
+    if (im && place_disc(&cx, &cy, &r, s, &l, im, e)) return -1;
     chart_disc(c, w, h, &l, cx, cy, r, mirror, s->rotate_deg * DEG, s->tilt_deg * DEG, s->tilt_to_deg * DEG);
     return 0;
 }
 
-/* The camera's turn and tilt belong to whichever side is a camera's picture. */
-static int make_chart(chart *c, const settings *s, view_kind kind, int is_input, int w, int h, int mirror, errmsg *e)
+/* The chart of the input im, or of the output (im NULL).  The camera's turn and tilt belong to
+ * whichever side is a camera's picture. */
+static int make_chart(chart *c, const settings *s, view_kind kind, const img *im, int mirror, errmsg *e)
 {
+    int w = im ? im->info.width : s->out_w, h = im ? im->info.height : s->out_h;
     double polar = (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG;
     switch (kind) {
     case VIEW_PROBE: chart_probe(c, w, h, polar); return 0;
     case VIEW_LATLONG: chart_latlong(c, w, h, s->span_deg * DEG, mirror); return 0;
-    default: return make_disc(c, s, kind, is_input, w, h, mirror, e);
+    default: return make_disc(c, s, kind, im, w, h, mirror, e);
     }
 }
 
@@ -166,13 +178,19 @@ int job_picture(outcome *o, const settings *s, errmsg *e)
     int rc = -1, mirror = s->from == VIEW_BALL || s->to == VIEW_BALL;
     float *rgb = NULL, *alpha = NULL;
     if (input_load(&im, s, e)) return -1;
-    if (make_chart(&src, s, s->from, 1, im.info.width, im.info.height, mirror, e)) goto done;
-    if (make_chart(&dst, s, s->to, 0, s->out_w, s->out_h, mirror, e)) goto done;
+    if (make_chart(&src, s, s->from, &im, mirror, e)) goto done;
+    if (make_chart(&dst, s, s->to, NULL, mirror, e)) goto done;
+    if (s->overlay) {
+        sphere_seen rim = {src.cx, src.cy, src.radius};
+        if (overlay_write(s->overlay, &im, &rim, src.kind == CHART_DISC, e)) goto done;
+    }
     if (s->falloff) {
         falloff *f = malloc(sizeof *f);
         double fn = s->aperture > 0 ? s->aperture : im.info.f_number;
         int failed = !f || falloff_read(f, s->falloff, src.lens.half, s->falloff_set, fn, e);
         if (!failed) falloff_apply(im.pix, 4, &src, f);
+        if (!failed && f->chosen[0])
+            snprintf(o->remark, sizeof o->remark, "%s: took the set %s; choose with --aperture or --falloff-set", s->falloff, f->chosen);
         free(f);
         if (failed) goto done;
     }

@@ -9,10 +9,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cli.h"
 #include "outfile.h"
+#include "overlay.h"
 #include "remap.h"
 #include "settings.h"
 #include "slope.h"
+#include "spherefind.h"
 
 #define DEG (M_PI / 180)
 
@@ -72,8 +75,8 @@ static int ilf_words(const ilf_error *ie, const char *out, errmsg *e)
     return err_set(e, "%s: %s", out, ie->text);
 }
 
-static int write_field(outcome *o, const settings *s, const img *im, const sphere_grid *g, double polar_max, double valid,
-                       errmsg *e)
+static int write_field(outcome *o, const settings *s, const img *im, const sphere_grid *g, const sphere_seen *q,
+                       double polar_max, double valid, errmsg *e)
 {
     size_t n = (size_t)s->out_w * (size_t)s->out_h;
     float *rgb = malloc(n * 3 * sizeof(float)), *alpha = malloc(n * sizeof(float));
@@ -103,8 +106,9 @@ static int write_field(outcome *o, const settings *s, const img *im, const spher
     for (int j = 0; j < s->nv; j++)
         for (int i = 0; i < s->nu; i++) {
             double u_angle;
-            sphere_seen q = sphere_grid_at(&u_angle, g, i, j);
-            if (one_sphere(rgb, alpha, o, s, im, &q, -u_angle, polar_max, e)) goto done;
+            sphere_grid_at(&u_angle, g, i, j);
+            if (one_sphere(rgb, alpha, o, s, im, q + i + (size_t)j * (size_t)s->nu, -u_angle, polar_max, e)) goto done;
+            cli_progress("spheres", i + 1.0 + j * s->nu, (double)s->nu * s->nv);
             for (size_t k = 0; k < n; k++) seen += (double)alpha[k];
             outside_fill(rgb, alpha, s->out_w, s->out_h, OUTSIDE_HOLD);
             if (ilf_writer_probe(w, rgb, &ie)) {
@@ -129,22 +133,47 @@ done:
     return rc;
 }
 
+/* Where the spheres are: corners given or found, then every rim. */
+static int locate(sphere_seen *q, sphere_grid *g, outcome *o, const settings *s, const img *im, errmsg *e)
+{
+    sphere_seen corner[4];
+    sphere_fit fit;
+    double rotate = s->rotate_deg * DEG;
+    int w = im->info.width, h = im->info.height, total = s->nu * s->nv;
+    for (int k = 0; k < 4; k++) corner[k] = s->corner[s->ncorners == 1 ? 0 : k];
+    if (s->corners_auto && sphere_find_corners(corner, im->pix, w, h, s->nu, s->nv, rotate, e)) return -1;
+    if (sphere_grid_init(g, s->nu, s->nv, corner, rotate, e)) return -1;
+    for (int k = 0; k < total; k++) q[k] = sphere_grid_at(NULL, g, k % s->nu, k / s->nu);
+    if (total == 1) return 0; /* one sphere is where it is said, or was found, to be */
+    int rc = sphere_refine(q, &fit, g, im->pix, w, h, e);
+    if (rc < 0) return -1;
+    if (rc > 0) snprintf(o->remark, sizeof o->remark, "too few rims to be seen near the corners: the spheres are where the corners put them");
+    else snprintf(o->remark, sizeof o->remark, "rims of %d of %d spheres seen, %.2f pixels about the grid", fit.refined, total, fit.rms);
+    return 0;
+}
+
 int job_array(outcome *o, const settings *s, errmsg *e)
 {
     img im;
     sphere_grid g;
-    sphere_seen q[4];
-    double polar_max = (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG;
+    double polar_max = (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG, valid = polar_max;
+    int total = s->nu * s->nv, rc = -1;
     if (input_load(&im, s, e)) return -1;
-    for (int k = 0; k < 4; k++) q[k] = s->corner[s->ncorners == 1 ? 0 : k];
-    int rc = sphere_grid_init(&g, s->nu, s->nv, q, s->rotate_deg * DEG, e);
-    double valid = polar_max;
-    if (!rc && s->nu * s->nv > 1) {
+    sphere_seen *q = malloc(sizeof *q * (size_t)total);
+    if (!q) {
+        err_set(e, "out of memory");
+        goto done;
+    }
+    if (locate(q, &g, o, s, &im, e)) goto done;
+    if (s->overlay && overlay_write(s->overlay, &im, q, total, e)) goto done;
+    if (total > 1) {
         o->pitch = sphere_grid_pitch(&g);
         valid = sphere_free_cone(fmax(o->pitch, 1));
     }
-    o->polar_valid_deg = valid / DEG;
-    if (!rc) rc = write_field(o, s, &im, &g, polar_max, valid, e);
+    o->polar_valid_deg = fmin(valid, polar_max) / DEG;
+    rc = write_field(o, s, &im, &g, q, polar_max, valid, e);
+done:
+    free(q);
     img_free(&im);
     return rc;
 }

@@ -27,6 +27,7 @@ enum { BINS = 512, MAX_ROUNDS = 8, MIN_ROUNDS = 4, CELLS = 96, MIN_IN_NOISE = 30
 static const double dark_sigmas = 3;   /* active from e = 3 sigma: no black clipping */
 static const double bright_sigmas = 3.5; /* ... to 3.5 sigma under the clipped code */
 static const double outlier_sigmas = 4;
+static const double least_lambda = 0.01; /* Gauss-Newton needs some hold where data are few */
 static const double longest_step = 0.5;  /* of any spline coefficient in one round */
 
 typedef struct cellsum {
@@ -42,6 +43,7 @@ typedef struct channel {
     float *rt;                /* 1 / t_k */
     float *y;                 /* finv as float */
     cellsum *cell;            /* [BINS * kk] */
+    double model_error;       /* mean square of what noise does not explain in the bins' means */
     double slack;             /* variances are multiplied by this while far from the solution */
 } channel;
 
@@ -113,6 +115,11 @@ static void prepare(channel *h, const response *r, const noise_model *m, const d
         }
 }
 
+static float pedestal(const channel *h, int i)
+{
+    return h->s->dark[h->c] ? h->y[h->s->dark[h->c][i]] : 0;
+}
+
 /* First X: weights from the samples themselves. */
 static void first_x(channel *h, const response *r, const noise_model *m)
 {
@@ -126,12 +133,12 @@ static void first_x(channel *h, const response *r, const noise_model *m)
     }
     for (int i = 0; i < h->n; i++) {
         const uint16_t *z = h->s->z[h->c] + (size_t)i * (size_t)h->kk;
-        float num = 0, den = 0;
+        float num = 0, den = 0, dark = pedestal(h, i);
         for (int k = 0; k < h->kk; k++) {
-            num += w[z[k]] * h->y[z[k]] * h->rt[k];
+            num += w[z[k]] * (h->y[z[k]] - dark) * h->rt[k];
             den += w[z[k]];
         }
-        h->x[i] = den > 0 ? num / den : 0;
+        h->x[i] = den > 0 && num > 0 ? num / den : 0;
     }
     free(w);
 }
@@ -146,10 +153,10 @@ static void gather(channel *h)
             continue;
         const uint16_t *z = h->s->z[h->c] + (size_t)i * (size_t)kk;
         const float *w = h->w + bin_of(h, h->x[i]) * kk;
-        float num = 0, den = 0;
+        float num = 0, den = 0, dark = pedestal(h, i);
         for (int k = 0; k < kk; k++) {
             float wk = z[k] < top ? w[k] : 0;
-            num += wk * h->y[z[k]] * h->rt[k];
+            num += wk * (h->y[z[k]] - dark) * h->rt[k];
             den += wk;
         }
         if (!(den > 0) || !(num > 0))
@@ -161,7 +168,7 @@ static void gather(channel *h)
         for (int k = 0; k < kk; k++) {
             if (!(w[k] > 0) || z[k] >= top)
                 continue;
-            double rho = h->y[z[k]] * h->rt[k] / h->x[i] - 1;
+            double rho = (h->y[z[k]] - dark) * h->rt[k] / h->x[i] - 1;
             double limit = outlier_sigmas * sqrt(h->slack / w[k]);
             rho = fmin(fmax(rho, -limit), limit);
             cell[k].n++;
@@ -208,6 +215,35 @@ static void fit_noise(noise_model *m, const channel *h, const response *r, const
     noise_fit(m, full, used, fixed);
 }
 
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Means over many pixels know the curve to 1e-4, real cameras (flare, drift, registration) don't keep to
+ * any curve that well: the part of the means' scatter that noise can't explain, from medians. */
+static void fit_model_error(channel *h)
+{
+    enum { FEW = 5, LEAST = 20 };
+    int n = 0, all = BINS * h->kk;
+    double *rho = malloc(sizeof *rho * (size_t)all), *var = malloc(sizeof *var * (size_t)all);
+    for (int i = 0; i < all && rho && var; i++)
+        if (h->cell[i].n >= FEW && h->w[i] > 0) {
+            double mean = h->cell[i].rho / h->cell[i].n;
+            rho[n] = mean * mean;
+            var[n++] = 1 / (h->w[i] * h->cell[i].n);
+        }
+    h->model_error = 0;
+    if (n >= LEAST) {
+        qsort(rho, (size_t)n, sizeof *rho, by_value);
+        qsort(var, (size_t)n, sizeof *var, by_value);
+        h->model_error = fmax(rho[n / 2] / 0.455 - var[n / 2], 0); /* chi-square(1) has median 0.455 */
+    }
+    free(rho);
+    free(var);
+}
+
 /* Rows of one channel; columns: spline changes (if fitted), then time changes (if fitted). */
 static int add_rows(qrls *q, const channel *h, const response *r, const double *lnt,
                     const basis *b, int curve_cols, int time_cols, double *rows, double *u)
@@ -220,7 +256,7 @@ static int add_rows(qrls *q, const channel *h, const response *r, const double *
             double w = h->w[i * h->kk + k];
             if (c->n < 1 || !(w > 0))
                 continue;
-            w = sqrt(w * c->n);
+            w = 1 / sqrt(1 / (w * c->n) + h->model_error);
             double *row = rows + (size_t)used * (size_t)m, f[4];
             memset(row, 0, sizeof *row * (size_t)m);
             if (curve_cols) {
@@ -279,7 +315,7 @@ static int solve_step(step *d, const channel *h, const response *r, const double
         goto done;
     }
     if (add_rows(q, h, r, lnt, b, cc, tc, rows, u) ||
-        (cc && (curve_penalty(q, b, o->lambda, c) || curve_gauge(q, b, 1e4)))) {
+        (cc && (curve_penalty(q, b, fmax(o->lambda, least_lambda), c) || curve_gauge(q, b, 1e4)))) {
         err_set(e, "least squares: LAPACK's QR factorisation failed");
         goto done;
     }
@@ -349,6 +385,7 @@ static int one_round(response *r, noise_model *noise, double *lnt, const double 
         gather(&h[c]);
         if (o->fit_noise)
             fit_noise(&noise[c], &h[c], r, lnt, &o->fixed_noise);
+        fit_model_error(&h[c]);
         h[c].slack = fmax(1, h[c].slack / 2);
         count(facts, &h[c]);
         if (!o->fit_response && !o->fit_times)
@@ -389,6 +426,20 @@ static int copy_response(response *to, const response *from, errmsg *e)
     return 0;
 }
 
+/* Normalise the response; the noise model's unit, the exposure at the highest code, goes with it. */
+static void rescale(response *r, noise_model *m)
+{
+    double before[RESPONSE_MAX_CHANNELS];
+    for (int c = 0; c < r->channels; c++)
+        before[c] = r->finv[c][r->max_code];
+    response_normalise(r);
+    for (int c = 0; c < r->channels; c++) {
+        double by = r->finv[c][r->max_code] / before[c];
+        m[c].photon *= by;
+        m[c].read *= by;
+    }
+}
+
 int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, const samples *s,
               const calib_opts *o, errmsg *e)
 {
@@ -422,7 +473,7 @@ int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, 
             break;
     }
     if (o->fit_response)
-        response_normalise(&work);
+        rescale(&work, m);
     memcpy(lnt, t, sizeof *t * (size_t)kk);
     memcpy(noise, m, sizeof *m * (size_t)r->channels);
     response_free(r);

@@ -6,14 +6,38 @@
 #include <math.h>
 #include <stddef.h>
 
+enum { PER_INTERVAL = 4 };
+
+/* No camera's or film's curve is far from a power law of exponent 1/2..8 for long: without this, what is
+ * below the darkest usable sample would be anything when lambda is tiny. */
+static const double usual_slope = 2, slope_spread = 10;
+
+static int slope_prior(qrls *q, const basis *b, const double *c)
+{
+    for (int i = 0; i < BASIS_INTERVALS; i++) {
+        double v = 0.5 * (b->knot[3 + i] + b->knot[4 + i]), n[4], now = 0;
+        double w = sqrt(b->knot[4 + i] - b->knot[3 + i]) / slope_spread, *row = qrls_row(q);
+        if (!row)
+            return -1;
+        int first = basis_eval(b, v, 1, n);
+        for (int k = 0; k < 4; k++) {
+            row[first + k] = w * n[k];
+            now += c ? n[k] * c[first + k] : 0;
+        }
+        row[qrls_columns(q)] = w * (usual_slope - now);
+    }
+    return 0;
+}
+
 int curve_penalty(qrls *q, const basis *b, double lambda, const double *c)
 {
-    enum { PER_INTERVAL = 4 };
+    if (slope_prior(q, b, c))
+        return -1;
     for (int i = 0; i < BASIS_INTERVALS; i++) {
         double v0 = b->knot[3 + i], v1 = b->knot[4 + i], dv = (v1 - v0) / PER_INTERVAL;
         for (int j = 0; j < PER_INTERVAL; j++) {
             double v = v0 + (j + 0.5) * dv, n[4], now = 0;
-            double bend = 0.2 + 8 * exp(v) / b->max_code;
+            double bend = 0.8 + 32 * exp(v) / b->max_code;
             int first = basis_eval(b, v, 2, n);
             double w = sqrt(lambda * dv) / bend, *row = qrls_row(q);
             if (!row)
@@ -64,7 +88,7 @@ int curve_from_table(double c[BASIS_N], const response *r, int ch, const basis *
     qrls *q = qrls_new(BASIS_N);
     if (!q)
         return err_set(e, "out of memory");
-    int bad = curve_penalty(q, b, 1e-8, NULL);
+    int bad = 0;
     for (int i = 0; i < NODES && !bad; i++) {
         /* evenly in ln z and in z by turns, at whole codes */
         double u = (double)i / (NODES - 1);
@@ -77,9 +101,11 @@ int curve_from_table(double c[BASIS_N], const response *r, int ch, const basis *
         }
         int first = basis_eval(b, log(code), 0, n);
         for (int k = 0; k < 4; k++)
-            row[first + k] = n[k];
-        row[BASIS_N] = log(r->finv[ch][code]);
+            row[first + k] = 1e4 * n[k];
+        row[BASIS_N] = 1e4 * log(r->finv[ch][code]);
     }
+    if (!bad)
+        bad = curve_penalty(q, b, 1, NULL);
     if (bad)
         err_set(e, "least squares: LAPACK's QR factorisation failed");
     else

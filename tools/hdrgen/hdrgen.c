@@ -1,5 +1,6 @@
 /*
- * hdrgen.c - the command: options, messages, outputs.  The stages are in job.c.
+ * hdrgen.c - the command: options, messages, order of events.  The stages are in job.h, the output
+ * in output.h, the plot in plot.h.
  */
 #include <math.h>
 #include <stdio.h>
@@ -8,14 +9,17 @@
 
 #include "cli.h"
 #include "job.h"
+#include "output.h"
+#include "plot.h"
 
-typedef struct settings {
+static struct {
     job_opts job;
-    const char *out, *times, *save_response;
+    output_opts out;
+    const char *times, *save_response, *plot;
     int verbose;
-} settings;
+} set = {.job = {.lambda = 1, .gain = -1, .read_noise = -1, .memory = (int64_t)256 << 20}};
 
-static settings set = {.job = {.lambda = 1, .gain = -1, .read_noise = -1, .memory = (int64_t)256 << 20}};
+/* ---- values with a syntax of their own ----------------------------------------------------------- */
 
 static int take_response(const char *v, void *arg, errmsg *e)
 {
@@ -56,20 +60,99 @@ static int take_weight(const char *v, void *arg, errmsg *e)
     return 0;
 }
 
+static int take_bayer(const char *v, void *arg, errmsg *e)
+{
+    job_opts *o = arg;
+    static const char *const known[] = {"RGGB", "BGGR", "GRBG", "GBRG"};
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (strcmp(v, known[i]) == 0) {
+            for (int p = 0; p < 4; p++)
+                o->bayer[p] = v[p] == 'R' ? 0 : v[p] == 'G' ? 1 : 2;
+            o->has_bayer = 1;
+            return 0;
+        }
+    return err_set(e, "expected RGGB, BGGR, GRBG or GBRG, found \"%s\"", v);
+}
+
+static int take_fill(const char *v, void *arg, errmsg *e)
+{
+    job_opts *o = arg;
+    double d[3];
+    if (cli_parse_doubles(d, 3, v, ",", e))
+        return -1;
+    for (int c = 0; c < 3; c++) {
+        if (d[c] != floor(d[c]) || d[c] < 0 || d[c] > 65535)
+            return err_set(e, "expected three codes R,G,B, found \"%s\"", v);
+        o->fill[c] = (int)d[c];
+    }
+    o->has_fill = 1;
+    return 0;
+}
+
+static int take_patch(const char *v, void *arg, errmsg *e)
+{
+    job_opts *o = arg;
+    const char *eq = strchr(v, '=');
+    char rect[128];
+    if (!eq || (size_t)(eq - v) >= sizeof rect)
+        return err_set(e, "expected X,Y,W,H=cd/m2, found \"%s\"", v);
+    memcpy(rect, v, (size_t)(eq - v));
+    rect[eq - v] = 0;
+    if (cli_parse_doubles(o->patch, 4, rect, ",", e) || cli_parse_double(&o->patch[4], eq + 1, e))
+        return -1;
+    for (int i = 0; i < 4; i++)
+        if (o->patch[i] != floor(o->patch[i]) || o->patch[i] < (i < 2 ? 0 : 1) || o->patch[i] > 1e9)
+            return err_set(e, "expected whole pixels X,Y,W,H, W and H above 0, found \"%s\"", rect);
+    return o->patch[4] > 0 ? 0 : err_set(e, "expected a luminance above 0 cd/m2, found \"%s\"", eq + 1);
+}
+
+static int take_type(const char *v, void *arg, errmsg *e)
+{
+    output_opts *o = arg;
+    if (strcmp(v, "half") == 0)
+        o->type = OUTPUT_HALF;
+    else if (strcmp(v, "float") == 0)
+        o->type = OUTPUT_FLOAT;
+    else
+        return err_set(e, "expected half or float, found \"%s\"", v);
+    return 0;
+}
+
 static const cli_opt options[] = {
+    {"output", 'o', CLI_STRING, &set.out.path, NULL, "OUT", "radiance: .exr or .hdr, \"-\" for .hdr on standard output"},
+    {"times", 't', CLI_STRING, &set.times, NULL, "FILE",
+     "exposure times: lines \"image seconds\" (default: from the images' EXIF data)"},
     {"response", 'r', CLI_CALL, &set.job, take_response, "KIND",
      "camera response: debevec or mitsunaga (recovered from the series; debevec is the\n"
      "default), linear (default for camera raw), srgb, gamma:G, or a file"},
     {"save-response", 0, CLI_STRING, &set.save_response, NULL, "FILE", "write the response as text"},
+    {"lambda", 0, CLI_DOUBLE, &set.job.lambda, NULL, "L", "smoothness of the recovered response (default 1)"},
+    {"plot", 0, CLI_STRING, &set.plot, NULL, "FILE", "draw the response and its sample points into a PNG"},
     {"weight", 'w', CLI_CALL, &set.job, take_weight, "KIND",
      "noise: inverse variance (default); debevec: hat, zero at both ends"},
-    {"times", 't', CLI_STRING, &set.times, NULL, "FILE",
-     "exposure times: lines \"image seconds\" (default: from the images' EXIF data)"},
+    {"gain", 0, CLI_DOUBLE, &set.job.gain, NULL, "E", "electrons per code of the linearised scale (default: estimated)"},
+    {"read-noise", 0, CLI_DOUBLE, &set.job.read_noise, NULL, "E", "read noise in electrons, with --gain (default: estimated)"},
+    {"refine-times", 0, CLI_FLAG, &set.job.refine_times, NULL, NULL,
+     "estimate the times from the overlap; the middle one is held"},
+    {"deghost", 0, CLI_FLAG, &set.job.deghost, NULL, NULL, "leave out samples that contradict the other exposures"},
     {"sigma", 0, CLI_FLAG, &set.job.want_sigma, NULL, NULL,
-     "add channels sigma.R, sigma.G, sigma.B: the standard deviation (OpenEXR only)"},
-    {"lambda", 0, CLI_DOUBLE, &set.job.lambda, NULL, "L", "smoothness of the recovered response (default 1)"},
+     "add channels sigma.R, .G, .B: the standard deviation (OpenEXR)"},
+    {"count", 0, CLI_FLAG, &set.job.want_count, NULL, NULL,
+     "add channel exposures: how many had a say (least of the colours; OpenEXR)"},
+    {"flags", 0, CLI_FLAG, &set.out.want_flags, NULL, NULL,
+     "add channel flags: 1 clipped everywhere, 2 black everywhere, 4 one or the other\n"
+     "everywhere, 8 samples left out by --deghost (OpenEXR)"},
+    {"calibrate", 0, CLI_CALL, &set.job, take_patch, "X,Y,W,H=L", "scale so that this rectangle has L cd/m2 on average"},
+    {"dark", 0, CLI_STRING, &set.job.dark, NULL, "FILE", "dark frame: its exposure is subtracted from every image"},
+    {"flat", 0, CLI_STRING, &set.job.flat, NULL, "FILE", "flat field: the radiance is divided by it (mean 1)"},
+    {"hot", 0, CLI_STRING, &set.job.hot, NULL, "FILE", "mask: pixels that aren't 0 in it are filled from their neighbours"},
+    {"bayer", 0, CLI_CALL, &set.job, take_bayer, "ORDER",
+     "grey images are a Bayer mosaic: RGGB, BGGR, GRBG or GBRG; merged, then interpolated"},
+    {"half-size", 0, CLI_FLAG, &set.job.half_size, NULL, NULL, "camera raw: one pixel for each 2x2 of the sensor"},
+    {"fill", 0, CLI_CALL, &set.job, take_fill, "R,G,B", "pixels of exactly these codes are missing in that image"},
+    {"type", 0, CLI_CALL, &set.out, take_type, "T", "OpenEXR values: float (default) or half"},
+    {"compression", 0, CLI_STRING, &set.out.compression, NULL, "C", "OpenEXR: none, rle, zips, zip (default), piz or dwaa"},
     {"verbose", 'v', CLI_FLAG, &set.verbose, NULL, NULL, "say what was found, on standard error"},
-    {"output", 'o', CLI_STRING, &set.out, NULL, "OUT", "radiance, .exr or .hdr"},
     {0},
 };
 
@@ -78,13 +161,18 @@ static const cli_prog prog = {
     .operands = "-o OUT IMAGE...",
     .summary = "Merge an exposure series into one picture of radiance.",
     .opts = options,
+    .epilog = "Radiance is relative to the exposure that reaches the highest code in one second,\n"
+              "unless --calibrate says what it is.\n"
+              "Not to be confused with Greg Ward's program of the same name.",
 };
+
+/* ---- messages ---------------------------------------------------------------------------------------- */
 
 static void report(const job *j)
 {
     const frames_facts *f = frames_get_facts(j->frames);
-    fprintf(stderr, "%d images, %dx%d, %d channel%s, codes 0..%d\n", f->n, f->width, f->height,
-            f->channels, f->channels == 1 ? "" : "s", f->max_code);
+    fprintf(stderr, "%d images, %dx%d, %d channel%s, codes 0..%d; response %s\n", f->n, f->width, f->height,
+            f->channels, f->channels == 1 ? "" : "s", f->max_code, j->response.origin);
     for (int c = 0; c < j->response.channels; c++) {
         const noise_model *n = &j->noise[c];
         if (j->facts.solve.condition[c] > 0)
@@ -92,69 +180,75 @@ static void report(const job *j)
                     j->facts.solve.pixels[c], j->facts.solve.condition[c], j->facts.solve.residual[c]);
         if (j->facts.calibrated)
             fprintf(stderr, "channel %d: refined on %d pixels in %d rounds, condition %.3g, chi2 %.3f\n", c,
-                    j->facts.calib.pixels[c], j->facts.calib.rounds + 1, j->facts.calib.condition[c],
+                    j->facts.calib.pixels[c], j->facts.calib.rounds, j->facts.calib.condition[c],
                     j->facts.calib.chi2[c]);
-        fprintf(stderr, "channel %d: %.0f electrons at the highest code, read noise %.2f electrons, code variance %.3f\n",
-                c, n->photon > 0 ? 1 / n->photon : INFINITY, n->photon > 0 ? n->read / n->photon : 0, n->code_var);
+        fprintf(stderr, "channel %d: variance %.4g e + %.4g^2 + %.4g (code)^2", c, n->photon, n->read, n->code_var);
+        if (n->photon > 0)
+            fprintf(stderr, ": %.0f electrons at the highest code, read noise %.2f electrons", 1 / n->photon,
+                    n->read / n->photon);
+        fputc('\n', stderr);
     }
     fprintf(stderr, "CPU s: reading %.3f, recovering %.3f, merging %.3f\n", j->facts.read_s,
             j->facts.recover_s, j->facts.merge_s);
 }
 
-static void summary(const job *j)
+static void report_times(const job *j)
 {
-    double pixels = (double)j->radiance.info.width * j->radiance.info.height;
-    if (j->facts.clipped)
-        cli_note("%ld pixels (%.3g %%) clipped in every exposure: lower bound", j->facts.clipped,
-                 100.0 * (double)j->facts.clipped / pixels);
-    if (j->facts.black)
-        cli_note("%ld pixels (%.3g %%) black in every exposure: upper bound", j->facts.black,
-                 100.0 * (double)j->facts.black / pixels);
-    if (j->facts.gap)
-        cli_note("%ld pixels (%.3g %%) clipped or black in every exposure: between two bounds", j->facts.gap,
-                 100.0 * (double)j->facts.gap / pixels);
+    for (int k = 0; k < j->n; k++)
+        cli_note("%s: %.6g s, refined %.6g s (%+.2f %%)", j->shots[k].path, j->shots[k].exposure, j->exposure[k],
+                 100 * (j->exposure[k] / j->shots[k].exposure - 1));
 }
 
-static int write_output(const job *j, const char *command, errmsg *e)
+static void note_pixels(long n, const job *j, const char *what)
 {
-    static const char *const rgb[] = {"sigma.R", "sigma.G", "sigma.B"};
-    static const char *const grey[] = {"sigma.Y"};
-    img_plane planes[3];
-    int ch = j->radiance.info.channels, half = 1;
-    size_t values = (size_t)j->radiance.info.width * (size_t)j->radiance.info.height * (size_t)ch;
-    float most = 0, least = INFINITY;
-    for (size_t i = 0; i < values; i++) {
-        most = fmaxf(most, j->radiance.pix[i]);
-        if (j->radiance.pix[i] > 0)
-            least = fminf(least, j->radiance.pix[i]);
-    }
-    /* half keeps 11 bits from 6.1e-5 to 65504 only */
-    if (most > 65504 || least < 6.2e-5f)
-        half = 0;
-    img_write_opts w = {.type = half ? IMG_HALF : IMG_FLOAT, .comment = command};
-    w.type = IMG_FLOAT;
-    if (j->sigma) {
-        for (int c = 0; c < ch; c++)
-            planes[c] = (img_plane){ch == 1 ? grey[c] : rgb[c], j->sigma + c, (size_t)ch, IMG_FLOAT};
-        w.planes = planes;
-        w.nplanes = ch;
-    }
-    return img_write(&j->radiance, set.out, &w, e);
+    double pixels = (double)j->radiance.info.width * j->radiance.info.height;
+    if (n)
+        cli_note("%ld pixels (%.3g %%) %s", n, 100.0 * (double)n / pixels, what);
+}
+
+static void summary(const job *j)
+{
+    if (j->facts.assumed_time)
+        cli_note("%s: no exposure time: 1 s assumed", j->shots[0].path);
+    if (j->facts.varies)
+        cli_note("ISO or f-number vary: taken into account relative to %s", j->shots[0].path);
+    note_pixels(j->facts.clipped, j, "clipped in every exposure: lower bound");
+    note_pixels(j->facts.black, j, "black in every exposure: upper bound");
+    note_pixels(j->facts.gap, j, "clipped or black in every exposure: between two bounds");
+    note_pixels(j->facts.ghosts, j, "with samples left out by --deghost");
+}
+
+static void check_usage(int images)
+{
+    const job_opts *o = &set.job;
+    if (!set.out.path)
+        cli_fail(CLI_USAGE, "expected -o OUT, found none");
+    if (images < 1)
+        cli_fail(CLI_USAGE, "expected one image or more, found none");
+    if (!(o->lambda >= 1e-12 && o->lambda <= 1e12))
+        cli_fail(CLI_USAGE, "--lambda: expected 1e-12 to 1e12, found %g", o->lambda);
+    if (o->gain != -1 && !(o->gain > 0 && o->gain <= 1e9))
+        cli_fail(CLI_USAGE, "--gain: expected electrons per code above 0, found %g", o->gain);
+    if (o->read_noise != -1 && !(o->read_noise >= 0 && o->read_noise <= 1e6))
+        cli_fail(CLI_USAGE, "--read-noise: expected electrons, 0 or more, found %g", o->read_noise);
+    if (o->read_noise >= 0 && !(o->gain > 0))
+        cli_fail(CLI_USAGE, "--read-noise: expected --gain with it, found none");
+    size_t n = strlen(set.out.path);
+    int exr = n > 4 && strcmp(set.out.path + n - 4, ".exr") == 0;
+    if (!exr && (o->want_sigma || o->want_count || set.out.want_flags))
+        cli_fail(CLI_USAGE, "--sigma, --count, --flags: expected an output named .exr, found %s", set.out.path);
 }
 
 int main(int argc, char **argv)
 {
     errmsg e;
-    job j = {0};
+    output_type used;
+    job j = {.progress = cli_progress};
     char *command = cli_command_line(&prog, argc, argv);
     j.n = cli_parse(&prog, argc, argv);
-    if (!set.out)
-        cli_fail(CLI_USAGE, "expected -o OUT, found none");
-    if (j.n < 1)
-        cli_fail(CLI_USAGE, "expected one image or more, found none");
-    if (!(set.job.lambda >= 1e-12 && set.job.lambda <= 1e12))
-        cli_fail(CLI_USAGE, "--lambda: expected 1e-12 to 1e12, found %g", set.job.lambda);
+    check_usage(j.n);
     j.opts = set.job;
+    set.out.command = command;
     j.shots = calloc((size_t)j.n, sizeof *j.shots);
     if (!j.shots)
         cli_fail(CLI_FAILED, "out of memory");
@@ -164,11 +258,14 @@ int main(int argc, char **argv)
         cli_fail(CLI_FAILED, "%s", e.text);
     if (set.verbose)
         report(&j);
+    if (set.job.refine_times)
+        report_times(&j);
     summary(&j);
-    if (set.save_response && response_save(&j.response, set.save_response, &e))
+    if ((set.save_response && response_save(&j.response, set.save_response, &e)) ||
+        (set.plot && plot_response(&j, set.plot, &e)) || output_write(&j, &set.out, &used, &e))
         cli_fail(CLI_FAILED, "%s", e.text);
-    if (write_output(&j, command, &e))
-        cli_fail(CLI_FAILED, "%s", e.text);
+    if (used != set.out.type)
+        cli_note("%s: values beyond what half can hold: float written", set.out.path);
     free(j.shots);
     job_close(&j);
     free(command);

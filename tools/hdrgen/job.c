@@ -1,5 +1,5 @@
 /*
- * job.c - the stages of one series: open, calibrate, merge.
+ * job.c - the stages of one series: open and calibrate (merging: jobmerge.c).
  */
 #include "job.h"
 
@@ -8,22 +8,45 @@
 #include <string.h>
 #include <time.h>
 
-#include "cli.h"
 #include "exif.h"
 #include "samples.h"
 
 enum { WANTED_SAMPLES = 40000 };
 
-static double cpu_s(void)
+double job_cpu_s(void)
 {
     struct timespec t;
     clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-static int channels_of(const job *j)
+int job_channels(const job *j)
 {
-    return j->opts.bayer ? 3 : frames_get_facts(j->frames)->channels;
+    return j->opts.has_bayer ? 3 : frames_get_facts(j->frames)->channels;
+}
+
+static int load_dark(job *j, errmsg *e)
+{
+    const frames_facts *f = frames_get_facts(j->frames);
+    img im;
+    if (img_load(&im, j->opts.dark, e))
+        return -1;
+    int ch = im.info.channels >= 3 ? 3 : 1, from = im.info.channels;
+    int64_t n = (int64_t)im.info.width * im.info.height;
+    if (im.info.width != f->width || im.info.height != f->height || ch != f->channels || !im.info.coded ||
+        (int)im.info.max_code != f->max_code) {
+        err_set(e, "%s: expected a dark frame of %dx%d pixels, %d channel(s), codes 0..%d, found %dx%d, %d, 0..%g",
+                j->opts.dark, f->width, f->height, f->channels, f->max_code, im.info.width, im.info.height,
+                ch, im.info.max_code);
+        img_free(&im);
+        return -1;
+    }
+    j->dark = malloc((size_t)n * (size_t)ch * sizeof *j->dark);
+    for (int64_t i = 0; j->dark && i < n; i++)
+        for (int c = 0; c < ch; c++)
+            j->dark[i * ch + c] = (uint16_t)(im.pix[i * from + c] + 0.5f);
+    img_free(&im);
+    return j->dark ? 0 : err_set(e, "%s: out of memory", j->opts.dark);
 }
 
 int job_open(job *j, const char *times_file, errmsg *e)
@@ -33,7 +56,7 @@ int job_open(job *j, const char *times_file, errmsg *e)
         return err_set(e, "out of memory");
     for (int k = 0; k < j->n; k++)
         paths[k] = (char *)(uintptr_t)j->shots[k].path;
-    int bad = frames_open(&j->frames, paths, j->n, j->opts.memory, j->opts.fill, e);
+    int bad = frames_open(&j->frames, paths, j->n, j->opts.memory, j->opts.has_fill ? j->opts.fill : NULL, e);
     free(paths);
     if (bad)
         return -1;
@@ -46,15 +69,16 @@ int job_open(job *j, const char *times_file, errmsg *e)
     }
     if (times_file && times_load(j->shots, j->n, times_file, e))
         return -1;
-    int varies;
     if (j->n == 1 && !(j->shots[0].seconds > 0)) {
         j->shots[0].seconds = 1; /* one picture of unknown time: radiance is relative anyway */
-        cli_note("%s: no exposure time, 1 s assumed", j->shots[0].path);
+        j->facts.assumed_time = 1;
     }
-    if (shots_resolve(j->shots, j->n, &varies, e))
+    if (shots_resolve(j->shots, j->n, &j->facts.varies, e))
         return -1;
-    if (varies)
-        cli_note("ISO or f-number vary: taken into account relative to %s", j->shots[0].path);
+    if (j->opts.dark && load_dark(j, e))
+        return -1;
+    if (j->opts.has_bayer && frames_get_facts(j->frames)->channels != 1)
+        return err_set(e, "%s: expected grey images with --bayer, found colour", j->shots[0].path);
     j->exposure = calloc((size_t)j->n, sizeof *j->exposure);
     if (!j->exposure)
         return err_set(e, "out of memory");
@@ -70,23 +94,25 @@ static int collect_samples(job *j, errmsg *e)
     const uint16_t **codes = calloc((size_t)j->n, sizeof *codes);
     if (!codes)
         return err_set(e, "out of memory");
-    if (sampler_init(&p, f->width, f->height, j->n, channels_of(j), f->max_code, j->opts.bayer,
-                     WANTED_SAMPLES, e)) {
+    if (sampler_init(&p, f->width, f->height, j->n, job_channels(j), f->max_code,
+                     j->opts.has_bayer ? j->opts.bayer : NULL, j->dark != NULL, WANTED_SAMPLES, e)) {
         free(codes);
         return -1;
     }
     int rows, y = 0;
     for (;;) {
-        double t0 = cpu_s();
+        double t0 = job_cpu_s();
         rows = frames_next(j->frames, codes, e);
-        double t1 = cpu_s();
+        double t1 = job_cpu_s();
         j->facts.read_s += t1 - t0;
         if (rows <= 0)
             break;
-        sampler_strip(&p, codes, y, rows);
-        j->facts.recover_s += cpu_s() - t1;
+        size_t at = (size_t)y * (size_t)f->width * (size_t)f->channels;
+        sampler_strip(&p, codes, j->dark ? j->dark + at : NULL, y, rows);
+        j->facts.recover_s += job_cpu_s() - t1;
         y += rows;
-        cli_progress("reading", y, f->height);
+        if (j->progress)
+            j->progress("reading", y, f->height);
     }
     free(codes);
     if (rows < 0 || frames_rewind(j->frames, e)) {
@@ -108,7 +134,7 @@ static int same_exposure(const job *j)
 static int first_response(job *j, const double *lnt, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
-    int ch = channels_of(j);
+    int ch = job_channels(j);
     response_kind kind = j->opts.response;
     if (kind == RESPONSE_AUTO)
         kind = f->raw ? RESPONSE_LINEAR : RESPONSE_DEBEVEC;
@@ -146,7 +172,7 @@ int job_calibrate(job *j, errmsg *e)
         lnt[k] = log(j->exposure[k]);
     if (collect_samples(j, e))
         goto done;
-    double t0 = cpu_s();
+    double t0 = job_cpu_s();
     if (first_response(j, lnt, e))
         goto done;
     recover = strcmp(j->response.origin, "debevec") == 0;
@@ -176,115 +202,11 @@ int job_calibrate(job *j, errmsg *e)
     }
     for (int k = 0; k < j->n; k++)
         j->exposure[k] = exp(lnt[k]);
-    j->facts.recover_s += cpu_s() - t0;
+    j->facts.recover_s += job_cpu_s() - t0;
     code = 0;
 done:
     free(lnt);
     return code;
-}
-
-static int allocate_outputs(job *j, errmsg *e)
-{
-    const frames_facts *f = frames_get_facts(j->frames);
-    int ch = channels_of(j);
-    size_t pixels = (size_t)f->width * (size_t)f->height;
-    if (img_alloc(&j->radiance, f->width, f->height, ch, e))
-        return -1;
-    if (j->opts.want_sigma)
-        j->sigma = malloc(pixels * (size_t)ch * sizeof *j->sigma);
-    if (j->opts.want_count)
-        j->count = malloc(pixels);
-    j->flags = malloc(pixels);
-    if ((j->opts.want_sigma && !j->sigma) || (j->opts.want_count && !j->count) || !j->flags)
-        return err_set(e, "out of memory for %dx%d pixels", f->width, f->height);
-    return 0;
-}
-
-/* One row, all channels; scratch: 2*width bytes. */
-static void merge_one_row(job *j, const merge *m, const uint16_t *const *codes, int y, int row,
-                          uint8_t *scratch, const uint16_t **at)
-{
-    const frames_facts *f = frames_get_facts(j->frames);
-    int w = f->width, ch = f->channels;
-    size_t out = (size_t)y * (size_t)w;
-    uint8_t *count = scratch, *flags = scratch + w;
-    memset(j->flags + out, 0, (size_t)w);
-    if (j->count)
-        memset(j->count + out, 255, (size_t)w);
-    for (int c = 0; c < ch; c++) {
-        for (int k = 0; k < j->n; k++)
-            at[k] = codes[k] + (size_t)row * (size_t)w * (size_t)ch + (size_t)c;
-        merge_row r = {.codes = at, .stride = (size_t)ch, .count = w,
-                       .radiance = j->radiance.pix + out * (size_t)ch + (size_t)c,
-                       .sigma = j->sigma ? j->sigma + out * (size_t)ch + (size_t)c : NULL,
-                       .used = j->count ? count : NULL, .flags = flags, .out_stride = (size_t)ch};
-        merge_do_row(m, c, &r);
-        for (int x = 0; x < w; x++) {
-            j->flags[out + (size_t)x] |= flags[x];
-            if (j->count && count[x] < j->count[out + (size_t)x])
-                j->count[out + (size_t)x] = count[x];
-        }
-    }
-}
-
-static void count_flags(job *j)
-{
-    size_t pixels = (size_t)j->radiance.info.width * (size_t)j->radiance.info.height;
-    for (size_t i = 0; i < pixels; i++) {
-        j->facts.clipped += (j->flags[i] & MERGE_CLIPPED) != 0;
-        j->facts.black += (j->flags[i] & MERGE_BLACK) != 0;
-        j->facts.gap += (j->flags[i] & MERGE_GAP) != 0;
-        j->facts.ghosts += (j->flags[i] & MERGE_GHOST) != 0;
-    }
-}
-
-int job_merge(job *j, errmsg *e)
-{
-    const frames_facts *f = frames_get_facts(j->frames);
-    const uint16_t **codes = calloc((size_t)j->n, sizeof *codes);
-    double t0 = cpu_s();
-    merge *m = merge_new(&j->response, j->noise, j->exposure, j->n, j->opts.weight, j->opts.deghost, e);
-    int rows = -1, y = 0, failed = 0;
-    if (!codes || !m || allocate_outputs(j, e)) {
-        if (!codes)
-            err_set(e, "out of memory");
-        goto done;
-    }
-    j->facts.merge_s += cpu_s() - t0;
-    for (;;) {
-        t0 = cpu_s();
-        rows = frames_next(j->frames, codes, e);
-        double t1 = cpu_s();
-        j->facts.read_s += t1 - t0;
-        if (rows <= 0)
-            break;
-#pragma omp parallel
-        {
-            uint8_t *scratch = malloc((size_t)f->width * 2);
-            const uint16_t **at = malloc(sizeof *at * (size_t)j->n);
-            if (!scratch || !at) {
-#pragma omp atomic write
-                failed = 1;
-            }
-#pragma omp for schedule(static)
-            for (int row = 0; row < rows; row++)
-                if (scratch && at)
-                    merge_one_row(j, m, codes, y + row, row, scratch, at);
-            free(scratch);
-            free(at);
-        }
-        j->facts.merge_s += cpu_s() - t1;
-        y += rows;
-        cli_progress("merging", y, f->height);
-    }
-    if (failed)
-        rows = err_set(e, "out of memory");
-    if (rows == 0)
-        count_flags(j);
-done:
-    free(codes);
-    merge_free(m);
-    return rows;
 }
 
 void job_close(job *j)
@@ -293,6 +215,7 @@ void job_close(job *j)
     response_free(&j->response);
     samples_free(&j->samples);
     free(j->exposure);
+    free(j->dark);
     img_free(&j->radiance);
     free(j->sigma);
     free(j->count);

@@ -12,6 +12,7 @@
 #include "merge.h"
 #include "noise.h"
 #include "response.h"
+#include "samples.h"
 #include "times.h"
 
 typedef enum response_kind {
@@ -31,10 +32,11 @@ typedef struct job_opts {
     double lambda;
     merge_weight weight;
     double gain, read_noise; /* electrons per code, electrons; < 0: estimate */
-    int refine_times, deghost, want_sigma, want_count, want_flags;
-    const int *bayer;        /* colours (0..2) of the 2x2 positions, or NULL */
-    const int *fill;         /* code triple of missing pixels, or NULL */
-    const char *dark, *flat, *hot;
+    int refine_times, deghost, want_sigma, want_count, half_size;
+    int has_bayer, bayer[4]; /* colours (0..2) of the 2x2 positions, row by row */
+    int has_fill, fill[3];   /* code triple of missing pixels */
+    const char *dark, *flat, *hot; /* files or NULL */
+    double patch[5];         /* x, y, w, h, cd/m2; w = 0: none */
     int64_t memory;          /* bytes of codes kept between the passes */
 } job_opts;
 
@@ -42,7 +44,10 @@ typedef struct job_facts {
     solve_facts solve;     /* of the first estimate; condition 0 where none was needed */
     calib_facts calib;
     int calibrated;        /* calib holds something */
-    long clipped, black, gap, ghosts; /* pixels (any channel) */
+    int varies;            /* ISO or f-number differ */
+    int assumed_time;      /* one image of unknown time: 1 s */
+    long clipped, black, gap, ghosts, healed; /* pixels (any channel) */
+    double scale;          /* radiance was multiplied by this (--calibrate) */
     double read_s, recover_s, merge_s; /* CPU seconds */
 } job_facts;
 
@@ -55,10 +60,12 @@ typedef struct job {
     noise_model noise[RESPONSE_MAX_CHANNELS];
     samples samples;      /* kept for the plot */
     double *exposure;     /* [n], refined where asked for */
+    uint16_t *dark;       /* dark frame's codes, like one exposure, or NULL */
     img radiance;
     float *sigma;         /* like radiance.pix, or NULL */
-    uint8_t *count, *flags; /* per pixel: least of the channels; OR of the channels; or NULL */
+    uint8_t *count, *flags; /* per pixel: least of the channels (or NULL); OR of the channels */
     job_facts facts;
+    void (*progress)(const char *what, double done, double total); /* or NULL */
 } job;
 
 /* Open the images and settle the times.  times_file may be NULL: EXIF. */
@@ -67,9 +74,13 @@ int job_open(job *j, const char *times_file, errmsg *e);
 /* Response, noise and times from the samples. */
 int job_calibrate(job *j, errmsg *e);
 
-/* Merge all rows into j->radiance. */
+/* Merge all rows into j->radiance, and finish it (hot pixels, flat field, Bayer, scale). */
 int job_merge(job *j, errmsg *e);
 
 void job_close(job *j);
+
+/* CPU seconds of the process so far; channels that are merged (3 for Bayer). */
+double job_cpu_s(void);
+int job_channels(const job *j);
 
 #endif

@@ -20,25 +20,6 @@
 
 enum { MAX_STEPS = 6 };
 
-/* log2 x in grid cells, as the index of the cell; to 0.01 octave by the float's own bits. */
-static inline int cell_of(float x)
-{
-    union {
-        float f;
-        uint32_t u;
-    } v = {x};
-    int exponent = (int)(v.u >> 23) - 127;
-    v.u = (v.u & 0x7fffffu) | 0x3f800000u;
-    float m = v.f - 1; /* log2(1+m), cubic that is exact at both ends */
-    float l = m * (1.4195f + m * (-0.5806f + m * 0.1611f));
-    return (int)(((float)exponent + l) * GRID + 8192.0f) - 8192;
-}
-
-static inline int clamp_cell(int i)
-{
-    return i < 0 ? 0 : i >= CELLS ? CELLS - 1 : i;
-}
-
 /* No sample had a say: the bounds that black and clipped samples set. */
 static void bound(const merge *m, const merge_channel *ch, const merge_row *row, int i,
                   float *x, float *sd, uint8_t *flag)
@@ -67,7 +48,7 @@ static void bound(const merge *m, const merge_channel *ch, const merge_row *row,
 
 static inline int counts(const merge_row *row, int i, int k)
 {
-    return !row->reject || k > 31 || !(row->reject[i] >> k & 1u);
+    return !row->reject || k > 63 || !(row->reject[i] >> k & 1u);
 }
 
 static inline void noise_row(const merge *m, const merge_channel *ch, const merge_row *row,

@@ -25,9 +25,10 @@ enum merge_flag {
 
 typedef struct merge merge;
 
-/* Tables for all channels.  exposure[k] > 0: t_k (seconds, ISO and aperture included). */
+/* Tables for all channels.  exposure[k] > 0: t_k (seconds, ISO and aperture included).
+ * lifted: rows come with a pedestal, so that black is not clipped at code 0. */
 merge *merge_new(const response *r, const noise_model *noise, const double *exposure, int n,
-                 merge_weight weight, int deghost, errmsg *e);
+                 merge_weight weight, int lifted, errmsg *e);
 void merge_free(merge *m);
 
 /* Where one row's samples lie and where its results go; strides in elements. */
@@ -41,13 +42,17 @@ typedef struct merge_row {
     uint8_t *used;                /* exposures that had a say, or NULL */
     uint8_t *flags;               /* merge_flag bits, or NULL */
     size_t out_stride;            /* of radiance and sigma; used and flags are packed */
-    const uint32_t *reject;       /* [count], bit k: leave exposure k out; or NULL */
+    const uint64_t *reject;       /* [count], bit k: leave exposure k out; or NULL */
 } merge_row;
 
 void merge_do_row(const merge *m, int channel, const merge_row *row);
 
-/* Deghosting, first step: OR into reject[i] the exposures (k < 32) whose sample contradicts what
+/* Deghosting, first step: OR into reject[i] the exposures (k < 64) whose sample contradicts what
  * most of the others say about that pixel and channel. */
-void merge_find_ghosts(const merge *m, int channel, const merge_row *row, uint32_t *reject);
+void merge_find_ghosts(const merge *m, int channel, const merge_row *row, uint64_t *reject);
+
+/* Second step, when all channels have been looked at: a pixel's neighbours in the row lose the same
+ * exposures, since ghosts have soft edges; no pixel loses its last usable exposure. */
+void merge_settle_ghosts(const merge *m, uint64_t *reject, uint64_t *scratch, int count);
 
 #endif

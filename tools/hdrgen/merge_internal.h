@@ -30,7 +30,7 @@ typedef struct merge_channel {
 } merge_channel;
 
 struct merge {
-    int n, channels, max_code, deghost;
+    int n, channels, max_code;
     merge_weight weight;
     float *rt;   /* 1 / t_k */
     float *lnt;  /* ln t_k */
@@ -38,5 +38,24 @@ struct merge {
     int longest, shortest;
     merge_channel ch[RESPONSE_MAX_CHANNELS];
 };
+
+/* log2 x in grid cells, as the index of the cell; to 0.01 octave by the float's own bits. */
+static inline int cell_of(float x)
+{
+    union {
+        float f;
+        uint32_t u;
+    } v = {x};
+    int exponent = (int)(v.u >> 23) - 127;
+    v.u = (v.u & 0x7fffffu) | 0x3f800000u;
+    float m = v.f - 1; /* log2(1+m), cubic that is exact at both ends */
+    float l = m * (1.4195f + m * (-0.5806f + m * 0.1611f));
+    return (int)(((float)exponent + l) * GRID + 8192.0f) - 8192;
+}
+
+static inline int clamp_cell(int i)
+{
+    return i < 0 ? 0 : i >= CELLS ? CELLS - 1 : i;
+}
 
 #endif

@@ -71,7 +71,7 @@ static void moments(const response *r, int c, const noise_model *m, double e, do
     double rounding = slope * slope / 12;
     if (sum > 1e-6) {
         *mean = first / sum;
-        *var = fmax(second / sum - *mean * *mean, 0) + (step > 1 ? 0 : 0);
+        *var = fmax(second / sum - *mean * *mean, 0);
     } else {
         *mean = e;
         *var = noise_variance(m, e, slope);
@@ -85,12 +85,16 @@ static void moments(const response *r, int c, const noise_model *m, double e, do
     *var = fmax(*var, 1e-12 * e * e);
 }
 
-static void expectations(merge_channel *ch, const response *r, int c, const noise_model *m)
+static void expectations(merge_channel *ch, const response *r, int c, const noise_model *m, int lifted)
 {
     double mean[CELLS], var[CELLS], clipped[CELLS], e[CELLS];
     for (int i = 0; i < CELLS; i++) {
         e[i] = exp2((i + 0.5) / GRID + grid_top_octave - OCTAVES);
         moments(r, c, m, e[i], &mean[i], &var[i], &clipped[i]);
+        if (lifted && e[i] < 0.5 * ch->clip) {
+            mean[i] = e[i];
+            var[i] = noise_variance(m, e[i], response_slope(r, c, (int)(response_forward(r, c, e[i]) + 0.5)));
+        }
     }
     for (int i = 0; i < CELLS; i++) {
         expectation *x = &ch->expect[i];
@@ -121,7 +125,7 @@ void merge_free(merge *m)
 }
 
 merge *merge_new(const response *r, const noise_model *noise, const double *exposure, int n,
-                 merge_weight weight, int deghost, errmsg *e)
+                 merge_weight weight, int lifted, errmsg *e)
 {
     merge *m = calloc(1, sizeof *m);
     if (m) {
@@ -135,7 +139,6 @@ merge *merge_new(const response *r, const noise_model *noise, const double *expo
     m->channels = r->channels;
     m->max_code = r->max_code;
     m->weight = weight;
-    m->deghost = deghost;
     for (int k = 0; k < n; k++) {
         m->rt[k] = (float)(1 / exposure[k]);
         m->lnt[k] = (float)log(exposure[k]);
@@ -152,7 +155,7 @@ merge *merge_new(const response *r, const noise_model *noise, const double *expo
         if (!ch->code || !ch->expect)
             goto memory;
         code_values(ch, r, c, &noise[c], weight);
-        expectations(ch, r, c, &noise[c]);
+        expectations(ch, r, c, &noise[c], lifted);
     }
     return m;
 memory:

@@ -10,7 +10,7 @@
 enum { TRIES = 4 };
 
 int sampler_init(sampler *p, int width, int height, int exposures, int channels, int max_code,
-                 const int *bayer, int wanted, errmsg *e)
+                 const int *bayer, int with_dark, int wanted, errmsg *e)
 {
     memset(p, 0, sizeof *p);
     p->width = width;
@@ -28,7 +28,9 @@ int sampler_init(sampler *p, int width, int height, int exposures, int channels,
     p->s.cap = ((width + p->cell - 1) / p->cell) * ((height + p->cell - 1) / p->cell);
     for (int c = 0; c < channels; c++) {
         p->s.z[c] = malloc((size_t)p->s.cap * (size_t)exposures * sizeof *p->s.z[c]);
-        if (!p->s.z[c]) {
+        if (with_dark)
+            p->s.dark[c] = malloc((size_t)p->s.cap * sizeof *p->s.dark[c]);
+        if (!p->s.z[c] || (with_dark && !p->s.dark[c])) {
             samples_free(&p->s);
             return err_set(e, "out of memory for %d sample pixels", p->s.cap);
         }
@@ -38,8 +40,10 @@ int sampler_init(sampler *p, int width, int height, int exposures, int channels,
 
 void samples_free(samples *s)
 {
-    for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++)
+    for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++) {
         free(s->z[c]);
+        free(s->dark[c]);
+    }
     memset(s, 0, sizeof *s);
 }
 
@@ -72,7 +76,7 @@ static long gradient(const sampler *p, const uint16_t *const *codes, int x, int 
     return sum;
 }
 
-static void take(sampler *p, const uint16_t *const *codes, int x, int y, int at_y)
+static void take(sampler *p, const uint16_t *const *codes, const uint16_t *dark, int x, int y, int at_y)
 {
     samples *s = &p->s;
     size_t at = ((size_t)y * (size_t)p->width + (size_t)x) * (size_t)p->lanes;
@@ -81,13 +85,15 @@ static void take(sampler *p, const uint16_t *const *codes, int x, int y, int at_
         int c = first + l;
         if (s->n[c] == s->cap)
             continue;
+        if (dark)
+            s->dark[c][s->n[c]] = dark[at + (size_t)l];
         uint16_t *z = s->z[c] + (size_t)s->n[c]++ * (size_t)s->exposures;
         for (int k = 0; k < s->exposures; k++)
             z[k] = codes[k][at + (size_t)l];
     }
 }
 
-void sampler_strip(sampler *p, const uint16_t *const *codes, int y0, int rows)
+void sampler_strip(sampler *p, const uint16_t *const *codes, const uint16_t *dark, int y0, int rows)
 {
     int cell = p->cell;
     /* a cell belongs to the strip that holds its first row, and is cut off at the strip's end */
@@ -110,7 +116,7 @@ void sampler_strip(sampler *p, const uint16_t *const *codes, int y0, int rows)
                 if (cell == 1)
                     break;
             }
-            take(p, codes, best_x, best_y - y0, best_y);
+            take(p, codes, dark, best_x, best_y - y0, best_y);
         }
     }
 }

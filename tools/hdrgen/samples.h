@@ -18,6 +18,7 @@ typedef struct samples {
     int n[RESPONSE_MAX_CHANNELS];
     int cap;
     uint16_t *z[RESPONSE_MAX_CHANNELS]; /* z[c][i*exposures + k] */
+    uint16_t *dark[RESPONSE_MAX_CHANNELS]; /* dark[c][i]: the dark frame's code there; or NULL */
 } samples;
 
 /* Room for about `wanted` pixels of a width x height picture; channels 1 or 3; bayer: one
@@ -29,10 +30,11 @@ typedef struct sampler {
 } sampler;
 
 int sampler_init(sampler *p, int width, int height, int exposures, int channels, int max_code,
-                 const int *bayer, int wanted, errmsg *e);
+                 const int *bayer, int with_dark, int wanted, errmsg *e);
 
-/* Look at rows [y0, y0+rows); codes[k] points at row y0 of exposure k. */
-void sampler_strip(sampler *p, const uint16_t *const *codes, int y0, int rows);
+/* Look at rows [y0, y0+rows); codes[k] points at row y0 of exposure k, dark at that of the dark
+ * frame (NULL without). */
+void sampler_strip(sampler *p, const uint16_t *const *codes, const uint16_t *dark, int y0, int rows);
 
 void samples_free(samples *s);
 

@@ -1,0 +1,78 @@
+/*
+ * ghost.c - which exposures of a pixel contradict the others (something moved).
+ *
+ * Each usable sample says x = y/t give or take its own sigma.  The radiance that most exposures agree
+ * on is the one kept; among equal numbers the one with more information.  A sample
+ * that lies more than `far` of the joint sigma, and a few per cent, from it is rejected.
+ */
+#include <math.h>
+
+#include "merge_internal.h"
+
+enum { MOST = 64 };
+
+static const float far = 4;        /* sigmas */
+static const float tolerance = 0.06f; /* relative: registration, flicker, response errors */
+
+typedef struct voice {
+    int k;
+    float x, sd, info; /* radiance, its relative sigma, information on ln x */
+} voice;
+
+static int agree(const voice *a, const voice *b)
+{
+    float ratio = a->x > b->x ? a->x / b->x - 1 : b->x / a->x - 1;
+    return ratio < tolerance + far * sqrtf(a->sd * a->sd + b->sd * b->sd);
+}
+
+void merge_find_ghosts(const merge *m, int channel, const merge_row *row, uint64_t *reject)
+{
+    const merge_channel *ch = &m->ch[channel];
+    const int base = (OCTAVES - grid_top_octave) * GRID;
+    int n = m->n < MOST ? m->n : MOST;
+    for (int i = 0; i < row->count; i++) {
+        voice v[MOST];
+        int voices = 0, best = -1, most = 0;
+        float strength = 0;
+        size_t at = (size_t)i * row->stride;
+        for (int k = 0; k < n; k++) {
+            const codeval *c = &ch->code[row->codes[k][at]];
+            float y = c->y - (row->pedestal ? row->pedestal[at] : 0);
+            if (!(c->w > 0) || !(y > 0))
+                continue;
+            const expectation *e = &ch->expect[clamp_cell(cell_of(y) + base)];
+            if (!(e->info > 4)) /* a sample known to worse than a factor of 1.5 contradicts nothing */
+                continue;
+            v[voices++] = (voice){k, y * m->rt[k], e->sd, e->info};
+        }
+        for (int a = 0; a < voices; a++) {
+            int count = 0;
+            float info = 0;
+            for (int b = 0; b < voices; b++)
+                if (agree(&v[a], &v[b])) {
+                    count++;
+                    info += v[b].info;
+                }
+            if (count > most || (count == most && info > strength)) {
+                most = count;
+                strength = info;
+                best = a;
+            }
+        }
+        for (int b = 0; b < voices; b++)
+            if (!agree(&v[best], &v[b]))
+                reject[i] |= (uint64_t)1 << v[b].k;
+    }
+}
+
+void merge_settle_ghosts(const merge *m, uint64_t *reject, uint64_t *scratch, int count)
+{
+    uint64_t all = m->n < MOST ? ((uint64_t)1 << m->n) - 1 : ~(uint64_t)0;
+    for (int i = 0; i < count; i++) {
+        uint64_t left = i > 0 ? reject[i - 1] : 0, right = i + 1 < count ? reject[i + 1] : 0;
+        uint64_t wide = reject[i] | left | right;
+        scratch[i] = (wide & all) != all ? wide : reject[i];
+    }
+    for (int i = 0; i < count; i++)
+        reject[i] = scratch[i];
+}
