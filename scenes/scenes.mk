@@ -19,6 +19,8 @@ DEMO_AD  ?= $(if $(filter 0,$(DI)),512,64)
 DEMO_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 # a picture is rendered at twice its size and halved
 DEMO_RES := -x 640 -y 480
+# daylight through windows needs fewer rays than two lamps
+OFFICE_AD ?= $(if $(filter 0,$(DI)),256,64)
 HALVE     = pfilt -1 -x /2 -y /2
 
 .PHONY: demo demo-run demo-clean
@@ -55,7 +57,7 @@ DEMO_LAMPS  := $(SCENES)/lamp_yellow.rad $(SCENES)/lamp_blue.rad $(SCENES)/spot.
 DEMO_STILL  := $(SCENES)/table.rad $(SCENES)/objects.rad
 DEMO_VIEW   := $(SCENES)/view.vf
 DEMO_RUN     = $(ILF_ENV):$(demo_PATH)
-LITERAL     := -ab 2 -aa 0 -as 0 -lw 1e-7 -di $(DI) -ad $(DEMO_AD)
+LITERAL     := -ab 2 -aa 0 -as 0 -lw 1e-7 -di $(DI)
 
 $(DEMO)/statue.obj: scenes/models/statue.py | $(VENV)/.packages
 	@mkdir -p $(@D)
@@ -83,11 +85,11 @@ $(DEMO)/mask.oct: $(SCENES)/mask_materials.rad $(DEMO_STILL) $(DEMO)/statue.rtm 
 
 # one ray in the middle of each pixel, twice the picture's size, so that all pictures see the same edges
 DEMO_PICT := -vf $(DEMO_VIEW) $(DEMO_RES) -ps 1 -pj 0 -w
-$(eval $(call settings,$(DEMO)/render.settings,$(DEMO_PICT) $(LITERAL)))
+$(eval $(call settings,$(DEMO)/render.settings,$(DEMO_PICT) $(LITERAL) -ad $(DEMO_AD); office -ad $(OFFICE_AD)))
 PICT_LIGHT_photo  := -ab 2 -aa .15 -ad 512 -as 128 -ar 64 -ds .05 -dj .8 -dt 0 -dc 1
 PICT_LIGHT_mask   := -ab 0
-PICT_LIGHT_with_room   := $(LITERAL)
-PICT_LIGHT_with_single := $(LITERAL)
+PICT_LIGHT_with_room   := $(LITERAL) -ad $(DEMO_AD)
+PICT_LIGHT_with_single := $(PICT_LIGHT_with_room)
 $(DEMO)/%.big.hdr: $(DEMO)/%.oct $(DEMO_VIEW) $(DEMO)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
 	@echo "  render: $* $(PICT_LIGHT_$*)"
 	@$(DEMO_RUN) $(PY) scenes/timed.py --log $(DEMO)/$*.json -o $@ -- rpict $(DEMO_PICT) $(PICT_LIGHT_$*) $<
@@ -103,7 +105,7 @@ $(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hd
 	    --picture "Incident light field, 6 × 6 probes=$(DEMO)/with_room.hdr" \
 	    --picture "Single probe=$(DEMO)/with_single.hdr" --mask $(DEMO)/mask.hdr \
 	    --title "Two spotlights, captured by a virtual fisheye at 6 × 6 positions, 6 exposures each" \
-	    --extra "the light field: 6 × 6 probes, each a latitude/longitude map of the hemisphere=$(DEMO)/room.mosaic.png" \
+	    --extra "the light field: 6 × 6 probes, each the hemisphere as a map=$(DEMO)/room.mosaic.png" \
 	    --csv $(DEMO)/errors.csv -o $@
 
 # ---- (a) real photographs ------------------------------------------------------------------------------
@@ -130,9 +132,9 @@ $(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(DE
 	@$(OFFICE_RUN) oconv -f $(SCENES)/office.rad > $@.part
 	@mv $@.part $@
 $(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(DEMO)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
-	@echo "  render: office $(LITERAL)"
+	@echo "  render: office $(LITERAL) -ad $(OFFICE_AD)"
 	@$(OFFICE_RUN) $(PY) scenes/timed.py --log $(OUT_OFFICE)/office.json -o $@ -- \
-	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) -ps 1 -pj 0 -w $(LITERAL) $<
+	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) -ps 1 -pj 0 -w $(LITERAL) -ad $(OFFICE_AD) $<
 $(OUT_OFFICE)/office.hdr: $(OUT_OFFICE)/office.big.hdr | $(call bins,pfilt)
 	@$(ILF_ENV) $(HALVE) $< > $@.part
 	@mv $@.part $@
