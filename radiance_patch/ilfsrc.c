@@ -62,6 +62,8 @@ typedef struct {
 	double  wt;		/* f X / p */
 }  ILFCND;			/* a candidate */
 
+int  dirparts = DIRDIFF|DIRSPEC;	/* components of coefficients */
+
 static ILFMAT  *ilfsrcs = NULL;		/* light fields to sample */
 
 static ILFCND  *cand = NULL;		/* our candidates */
@@ -115,6 +117,9 @@ dropilf(			/* forget material about to be freed */
 		}
 	ilf_sampler_close(ip->smp);
 	ip->smp = NULL;
+	free((void *)ip->ball);
+	ip->ball = NULL;
+	ip->nballs = -1;
 }
 
 
@@ -177,6 +182,8 @@ sampledat(			/* does ray's surface sample light fields? */
 {
 	int  n = ambounce > 1 ? ambounce : 1;
 				/* as deep as blind rays would see them */
+	if (inglintray())
+		return(0);
 	if (r->crtype & AMBIENT)
 		for ( ; r != NULL; r = r->parent)
 			if (r->rtype & AMBIENT && --n <= 0)
@@ -199,11 +206,21 @@ ilfpart(			/* which part does a ray see? */
 	while (rp->rtype & TRANS && rp->parent != NULL &&
 			DOT(rp->rdir, rp->parent->rdir) >= 1. - 1e-9)
 		rp = rp->parent;
-	if (r->crtype & SHADOW)	/* aimed at us, and not deflected */
-		return(rp->rtype & SHADOW && r->rsrc == ip->sn ?
-				ILF_EXCESS : ILF_NONE);
-	if (rp->rtype & (AMBIENT|SPECULAR) && sampledat(rp->parent))
-		return(ILF_BASE);
+	if (r->crtype & SHADOW) {	/* aimed at us, and not deflected */
+		if (!(rp->rtype & SHADOW) | (r->rsrc != ip->sn))
+			return(ILF_NONE);
+		if (inglintray())
+			return(glintmet(rp) ? ILF_GLINT : ILF_NONE);
+		return(ILF_EXCESS);
+	}
+	if (inglintray())
+		return(rp->rtype & REFLECTED && glintmet(rp) ?
+				ILF_GLINT : ILF_NONE);
+	if (rp->rtype & (AMBIENT|SPECULAR))
+		return(ILF_BASE);	/* surface sampled the rest */
+	if (rp->rtype & REFLECTED && rp->parent != NULL &&
+			glintdone(ip, rp->parent))
+		return(ILF_BASE);	/* counted as a glint */
 	return(ILF_ALL);
 }
 
@@ -292,7 +309,16 @@ sampleilf(			/* add light field's excess */
 	ILFCND  *cp;
 	RAY  sr;
 	int  ns, nc, n, k;
-
+					/* which component? */
+	n = dirparts;
+	if (!sampledat(r))
+		n = isglossy(r) ? DIRSPEC : 0;
+	if (inglintray())
+		n &= DIRSPEC;
+	else if (r->rtype == AMBIENT && glintdone(ip, r))
+		n &= ~DIRSPEC;
+	if (!n)
+		return;
 	if (ilf_sampler_slice(&sp, ilfsampler(ip), r->rop, &err) != ILF_OK)
 		objerror(ip->m, USER, err.text);
 	if (sp == NULL)
@@ -306,7 +332,9 @@ sampleilf(			/* add light field's excess */
 	ilf_slice_history(sp, &vis, &tests);
 	if (tests >= ILFHIST && (vis <= 0.) | (vis >= tests))
 		ns = (ns + ILFSURE-1)/ILFSURE;
+	dirparts = n;
 	n = drawcands(nc, ip, sp, r, f, p, &wsum);
+	dirparts = DIRDIFF|DIRSPEC;
 	if (!n)
 		return;
 					/* choose in order of map */
@@ -334,7 +362,8 @@ sampleilf(			/* add light field's excess */
 			vis += k;
 		}
 	}
-	ilf_slice_record(sp, vis, tests);
+	if (!inglintray())
+		ilf_slice_record(sp, vis, tests);
 }
 
 
@@ -347,10 +376,13 @@ ilfdirect(			/* add direct part of light fields */
 {
 	ILFMAT  *ip;
 
-	if (ilfsrcs == NULL || !sampledat(r))
-		return;
-	for (ip = ilfsrcs; ip != NULL; ip = ip->next)
+	for (ip = ilfsrcs; ip != NULL; ip = ip->next) {
+		if (!ilf_sampler_patches(ilfsampler(ip)))
+			continue;	/* nothing bright */
 		sampleilf(ip, r, f, p);
+		if (ambounce > 0 && !(r->crtype & AMBIENT))
+			ilfglints(ip, r, f, p);
+	}
 }
 
 

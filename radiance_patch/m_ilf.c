@@ -104,6 +104,8 @@ getilf(				/* get (open) material's light field */
 	ip->m = m;
 	ip->sn = -1;
 	ip->smp = NULL;
+	ip->ball = NULL;
+	ip->nballs = -1;
 	ip->next = NULL;
 	ip->mode = ILF_DEPTH;
 	if (m->oargs.nsargs > 1) {
@@ -205,6 +207,10 @@ m_ilf(				/* ray met auxiliary geometry */
 		if (part == ILF_BASE)
 			d = 1. - d;
 		scalecolor(r->rcol, d);
+	}
+	if (part == ILF_GLINT) {	/* counted on its own */
+		glintadd(r);
+		setcolor(r->rcol, 0.0, 0.0, 0.0);
 	}
 	r->rsrc = -1;			/* we are what was aimed for */
 	return(1);
