@@ -182,9 +182,6 @@ static ilf_status read_channels(ilf *f, ilf_error *err)
             return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected no subsampling, found some in %s", f->path, e->name.str);
         half += e->pixel_type == EXR_PIXEL_HALF;
     }
-    if (half < 3 && f->info.compression[0] == 'b')
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: compression: expected HALF channels with %s, found FLOAT", f->path,
-                        f->info.compression);
     for (int c = 0; c < 3; c++)
         if (found[c] < 0)
             return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected R, G, B, found no %s", f->path, names[c]);

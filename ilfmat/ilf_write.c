@@ -69,8 +69,6 @@ static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compressio
     *compression = (exr_compression_t)k;
     if (*compression == EXR_COMPRESSION_DWAA || *compression == EXR_COMPRESSION_DWAB)
         return ilf_fail(err, ILF_ERR_ARG, "%s: compression: %s can be read but not written; expected another", path, name);
-    if (s->type == ILF_FLOAT && name[0] == 'b')
-        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: %s is for half texels, found float", path, name);
     ilf_status st = ilf_check_polar(s->polar_max, s->polar_valid > 0 ? s->polar_valid : s->polar_max, path, err);
     if (st == ILF_OK) st = ilf_check_plane(&frame, s->origin, s->U, s->V, path, err);
     for (int c = 0; c < 3 && st == ILF_OK; c++)
