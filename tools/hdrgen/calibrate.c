@@ -435,17 +435,19 @@ static int copy_response(response *to, const response *from, errmsg *e)
 }
 
 /* Normalise the response; the noise model's unit, the exposure at the highest code, goes with it. */
-static void rescale(response *r, noise_model *m)
+static int rescale(response *r, noise_model *m)
 {
     double before[RESPONSE_MAX_CHANNELS];
     for (int c = 0; c < r->channels; c++)
         before[c] = r->finv[c][r->max_code];
-    response_normalise(r);
+    if (response_normalise(r))
+        return -1;
     for (int c = 0; c < r->channels; c++) {
         double by = r->finv[c][r->max_code] / before[c];
         m[c].photon *= by;
         m[c].read *= by;
     }
+    return 0;
 }
 
 int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, const samples *s,
@@ -480,8 +482,10 @@ int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, 
         if (facts->rounds + 1 >= MIN_ROUNDS && change < 3e-4)
             break;
     }
-    if (o->fit_response)
-        rescale(&work, m);
+    if (o->fit_response && rescale(&work, m)) {
+        err_set(e, "the recovered responses of the channels have nothing in common: times or order of the images wrong?");
+        goto done;
+    }
     memcpy(lnt, t, sizeof *t * (size_t)kk);
     memcpy(noise, m, sizeof *m * (size_t)r->channels);
     response_free(r);

@@ -157,6 +157,19 @@ bad:
     return -1;
 }
 
+int frames_reorder(frames *f, const int *order, errmsg *e)
+{
+    size_t n = (size_t)f->facts.n;
+    frame *was = malloc(n * sizeof *was);
+    if (!was)
+        return err_set(e, "out of memory");
+    memcpy(was, f->f, n * sizeof *was);
+    for (size_t k = 0; k < n; k++)
+        f->f[k] = was[order[k]];
+    free(was);
+    return 0;
+}
+
 /* One row of the reader's floats as codes. */
 static void to_codes(const frames *f, const frame *p, uint16_t *to)
 {

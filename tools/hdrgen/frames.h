@@ -29,6 +29,9 @@ void frames_close(frames *f);
 const frames_facts *frames_get_facts(const frames *f);
 const img_info *frames_info(const frames *f, int k);
 
+/* Renumber before the first row is read: exposure k becomes what order[k] was. */
+int frames_reorder(frames *f, const int *order, errmsg *e);
+
 /* Rows per strip that frames_next gives at most. */
 int frames_strip_rows(const frames *f);
 
