@@ -28,6 +28,7 @@ static double median(double *v, int n)
 typedef struct node {
     double s, t, wt;
     sphere_seen q;
+    double share; /* of the rim, seen */
 } node;
 
 /* Homography by least squares in pixels (direct linear transform, weighted); grid coordinates are few, so
@@ -116,45 +117,66 @@ static double at(const float *g, int w, int h, double x, double y)
     return (1 - v) * ((1 - u) * (double)p[0] + u * (double)p[1]) + v * ((1 - u) * (double)p[w] + u * (double)p[w + 1]);
 }
 
+/* Mean radial change over 1 px at factor f of the grid's radii, all spheres moved by (dx, dy); along the
+ * directions between the neighbours only, or along all.  A change of more than `most` counts as that. */
+static double rim_contrast(const sphere_grid *g, const float *grey, int w, int h, double f, double dx, double dy, int between,
+                           double most)
+{
+    enum { RAYS = 40 };
+    double sum = 0, count = 0;
+    for (int s = 0; s < g->n * g->m; s++) {
+        double u;
+        sphere_seen c = sphere_grid_at(&u, g, s % g->n, s / g->n);
+        double r = c.r * f, x = c.x + dx, y = c.y + dy;
+        for (int i = 0; i < RAYS; i++) {
+            double a = between ? -u + M_PI / 4 + M_PI / 2 * (i % 4) + (i / 4 - 4.5) * 0.06 : 2 * M_PI * i / RAYS;
+            double co = cos(a), si = sin(a);
+            double d = at(grey, w, h, x + (r + 0.5) * co, y + (r + 0.5) * si) - at(grey, w, h, x + (r - 0.5) * co, y + (r - 0.5) * si);
+            if (!isnan(d)) sum += fmin(fabs(d), most), count++;
+        }
+    }
+    return count > 0 ? sum / count : 0;
+}
+
 /* The radius common to all spheres, as a factor on the grid's.  A mirror sphere's rim is no clean
- * edge: reflections of reflections crowd towards it.  But outside of it they end: the mean
- * radial change over 1 px, of all spheres along the directions between their neighbours, falls
- * from its last peak to the background's level half a pixel beyond the rim. */
+ * edge: reflections of reflections crowd towards it.  But outside of it they end: the rim is the
+ * outermost peak of the change, between the neighbours, that stands half as high as the highest. */
 static double common_radius(const sphere_grid *g, const float *grey, int w, int h)
 {
-    enum { STEPS = 120, RAYS = 40 };
+    enum { STEPS = 120, WIDE = 3 };
     const double from = 0.86, to = 1.10;
-    double mean[STEPS + 1], px = 0;
-    for (int k = 0; k <= STEPS; k++) {
-        double sum = 0, count = 0;
-        for (int s = 0; s < g->n * g->m; s++) {
-            double u;
-            sphere_seen c = sphere_grid_at(&u, g, s % g->n, s / g->n);
-            double r = c.r * (from + (to - from) * k / STEPS);
-            px += c.r / (g->n * g->m * (STEPS + 1.0));
-            for (int i = 0; i < RAYS; i++) {
-                double a = -u + M_PI / 4 + M_PI / 2 * (i % 4) + (i / 4 - 4.5) * 0.06;
-                double d = at(grey, w, h, c.x + (r + 0.5) * cos(a), c.y + (r + 0.5) * sin(a)) -
-                           at(grey, w, h, c.x + (r - 0.5) * cos(a), c.y + (r - 0.5) * sin(a));
-                if (!isnan(d)) sum += fabs(d), count++;
-            }
-        }
-        mean[k] = count > 0 ? sum / count : 0;
-    }
-    int top = 0;
-    double low = INFINITY;
+    double mean[STEPS + 1], low = INFINITY, high = 0;
     for (int k = 0; k <= STEPS; k++) {
         double f = from + (to - from) * k / STEPS;
-        if (f > 0.93 && f < 1.06 && mean[k] > mean[top]) top = k;
+        mean[k] = rim_contrast(g, grey, w, h, f, 0, 0, 1, INFINITY);
+        if (f > 0.93 && f < 1.06) high = fmax(high, mean[k]);
         if (f > 1.02) low = fmin(low, mean[k]);
     }
-    double half = 0.5 * (mean[top] + low);
-    for (int k = STEPS - 1; k >= top && mean[top] > 1.5 * low; k--)
-        if (mean[k] >= half && mean[k + 1] < half) {
-            double at_k = k + (mean[k] - half) / (mean[k] - mean[k + 1]);
-            return from + (to - from) * at_k / STEPS - 0.5 / px;
-        }
+    for (int k = STEPS - WIDE; k >= WIDE && high > 1.5 * low; k--) {
+        int peak = mean[k] >= low + 0.5 * (high - low);
+        for (int i = 1; i <= WIDE; i++) peak &= mean[k] >= mean[k - i] && mean[k] >= mean[k + i];
+        if (!peak) continue;
+        double den = mean[k - 1] - 2 * mean[k] + mean[k + 1];
+        return from + (to - from) * (k + (den < 0 ? 0.5 * (mean[k - 1] - mean[k + 1]) / den : 0)) / STEPS;
+    }
     return 1;
+}
+
+/* Move the grid as a whole to where its rims show the most contrast. */
+static void common_shift(sphere_grid *g, const float *grey, int w, int h)
+{
+    const double most = 0.15; /* lamps have no more say than rims */
+    double dx = 0, dy = 0, best = rim_contrast(g, grey, w, h, 1, 0, 0, 0, most);
+    for (double step = 0.4; step > 0.04; step /= 2)
+        for (int k = 0, moved = 1; moved && k < 10; k++) {
+            moved = 0;
+            for (int d = 0; d < 4; d++) {
+                double x = dx + (d == 0 ? step : d == 1 ? -step : 0), y = dy + (d == 2 ? step : d == 3 ? -step : 0);
+                double c = hypot(x, y) < 2 ? rim_contrast(g, grey, w, h, 1, x, y, 0, most) : 0;
+                if (c > best) best = c, dx = x, dy = y, moved = 1;
+            }
+        }
+    for (int k = 0; k < 3; k++) g->h[k] += dx * g->h[6 + k], g->h[3 + k] += dy * g->h[6 + k];
 }
 
 int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const float *pix, int w, int h, errmsg *e)
@@ -174,7 +196,7 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const float *
             circle_found f = {c.x, c.y, c.r, 0, 0};
             double slack = round ? fmax(2, 0.04 * c.r) : fmax(3.5, 0.1 * c.r);
             if (circle_refine(&f, grey, w, h, CIRCLE_BALL, slack) || f.share < 0.3) continue;
-            p[seen++] = (node){k % g->n, k / g->n, 1, {f.x, f.y, f.r}};
+            p[seen++] = (node){k % g->n, k / g->n, 1, {f.x, f.y, f.r}, f.share};
         }
         if (seen < (total + 1) / 2 || (total > 1 && seen < 4 && total >= 4)) {
             rc = 1;
@@ -197,6 +219,7 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const float *
     for (int it = 0; it < 2; it++) {
         double k = common_radius(g, grey, w, h);
         for (int c = 0; c < 4; c++) g->r[c] *= k;
+        common_shift(g, grey, w, h);
     }
     for (int k = 0; k < total; k++) q[k] = sphere_grid_at(NULL, g, k % g->n, k / g->n);
     for (int i = 0; i < seen; i++) {
@@ -204,7 +227,7 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const float *
         double off = hypot(c->x - p[i].q.x, c->y - p[i].q.y);
         if (off < fmax(4 * fit->rms, 0.5)) {
             fit->refined++;
-        } else if (off < 0.1 * c->r && fabs(c->r - p[i].q.r) < 0.03 * c->r) {
+        } else if (off < 0.1 * c->r && fabs(c->r - p[i].q.r) < 0.02 * c->r && p[i].share > 0.85) {
             c->x = p[i].q.x, c->y = p[i].q.y; /* mounted askew: its rim says so clearly */
             fit->refined++;
         }
