@@ -145,7 +145,7 @@ void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode)
     }
 }
 
-static int write_result(const settings *s, const float *rgb, const float *alpha, int partial, errmsg *e)
+int result_write(const settings *s, const float *rgb, const float *alpha, int partial, errmsg *e)
 {
     img im;
     int ch = partial && s->outside == OUTSIDE_ALPHA ? 4 : 3;
@@ -222,7 +222,7 @@ int job_picture(outcome *o, const settings *s, errmsg *e)
         goto done;
     }
     outside_fill(rgb, alpha, s->out_w, s->out_h, s->outside);
-    rc = write_result(s, rgb, alpha, partial, e);
+    rc = result_write(s, rgb, alpha, partial, e);
 done:
     source_free(&ready);
     free(rgb);

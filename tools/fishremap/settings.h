@@ -65,6 +65,9 @@ int job_array(outcome *o, const settings *s, errmsg *e);
  * column, upwards first. */
 void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode);
 
+/* Write the picture; partial: some alpha is below 1. */
+int result_write(const settings *s, const float *rgb, const float *alpha, int partial, errmsg *e);
+
 /* CPU time of this thread. */
 double cpu_seconds(void);
 

@@ -271,6 +271,17 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
         if (list[q].votes > 0) list[q].quality = rim_quality(&list[q], grey, w, h, a.k, u, v);
         if (list[q].quality > best->quality) best = list + q;
     }
+    /* Where the neighbours' reflections begin there is a circle as well, of 0.64 of the radius and often
+     * clearer than the rim: the largest circle about this centre that is there at all is the rim. */
+    double clear = 0.35 * best->quality;
+    guess wider = *best;
+    for (double r = 0.525 * pitch; grey && r > 1.1 * best->r; r -= 0.0125 * pitch) {
+        wider.r = r;
+        if (rim_quality(&wider, grey, w, h, a.k, u, v) > clear) {
+            *best = wider;
+            break;
+        }
+    }
     free(grey);
     double r = best->r, o[2] = {best->at[0] * u[0] + best->at[1] * v[0], best->at[0] * u[1] + best->at[1] * v[1]};
     int node[2] = {0, 0};
