@@ -132,11 +132,10 @@ $(foreach t,$(TOOLS),$(eval $(call tool_rules,$(t))))
 include radiance_patch/build.mk
 
 # ---- man pages -------------------------------------------------------------------------------------
-MAN_PAGES := $(patsubst man/%,$(B0)/man/man1/%,$(wildcard man/*.1))
+MAN_PAGES := $(patsubst man/%.1,$(B0)/man/man1/%.1,$(wildcard man/*.1)) $(patsubst man/%.7,$(B0)/man/man7/%.7,$(wildcard man/*.7))
 man: $(MAN_PAGES)
-$(B0)/man/man1/%: man/%
-	@mkdir -p $(@D)
-	cp $< $@
+$(B0)/man/man1/% $(B0)/man/man7/%: man/%
+	@mkdir -p $(@D) && cp $< $@
 
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
@@ -158,8 +157,23 @@ env:
 clean:
 	rm -rf $(B0)
 
+install: all
+	sh setup/install.sh $(B) $(B0) "$(DESTDIR)$(PREFIX)" "$(PREFIX)" "$(PROGRAM_PREFIX)" "$(VERSION)" $(ILF_PROGRAMS) $(TOOL_PROGRAMS) -- $(RAD_PROGRAMS)
+
+#? all           every program, Radiance with the material, man pages (the default)
+#? radiance      Radiance's programs with the material ilf (needs no OpenCV)
+#? tools         the toolchain's own programs
+#? test          the tests (TEST_ARGS=... goes to pytest)
+#? env           print the line that a shell needs to use what is built
+#? deps          install the packages that the machine lacks
+#? install       PREFIX=/usr/local [DESTDIR=] [PROGRAM_PREFIX=]
+#? clean         remove build/
+#? NAME          one program: rpict, hdrgen, ilfpack ...
+#?
+#? SAN=1 builds ours with ASan and UBSan in build/san; CC=clang; V=1 shows commands; RADIANCE_SRC=DIR builds
+#? from a Radiance 5.4a source tree of your own.
 help:
-	@sed -n 's/^#? //p' $(MAKEFILE_LIST)
+	@echo "make TARGET"; sed -n 's/^#? \{0,1\}/  /p' $(MAKEFILE_LIST)
 
 # short names: make rpict, make hdrgen ...
 SHORT := $(RAD_PROGRAMS) $(ILF_PROGRAMS) $(TOOL_PROGRAMS)

@@ -178,6 +178,18 @@ static inline double ilf_excess_part(const float rgb[3], double threshold)
  * reaches; else it is owned by the sampler and valid until the next call. */
 ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *sampler, const double point[3], ilf_error *err);
 
+/* A lamp: bright patches that lie together as seen from somewhere. */
+typedef struct ilf_lamp {
+    double position[3]; /* frame's coordinates; very far for light at infinity */
+    double radius;      /* of a ball that holds it */
+    double excess;      /* its largest luminance over the threshold */
+} ilf_lamp;
+
+/* The lamps, brightest first, that can be seen from within a ball (frame's coordinates).
+ * At most `most` are written to lamps, their number to *n. */
+ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *sampler, const double centre[3],
+                             double radius, ilf_error *err);
+
 /* One direction drawn from a slice. */
 typedef struct ilf_draw {
     double dir[3];   /* unit vector in the plane's own coordinates (u, v, n), n > 0 */

@@ -71,7 +71,7 @@ $(RADOBJ)/rt/Version.o: $(RAD)/.patched Makefile
 	@mkdir -p $(@D)
 	@printf 'char VersionID[]="%s, with the ilf material $(VERSION)";\n' "$$(cat $(RAD)/rt/VERSION)" | $(CC) -x c -c -o $@ -
 # ours, in Radiance's idiom, with our sanitizers
-RAD_OURS := $(RADOBJ)/rt/m_ilf.o $(RADOBJ)/rt/ilfsrc.o
+RAD_OURS := $(RADOBJ)/rt/m_ilf.o $(RADOBJ)/rt/ilfsrc.o $(RADOBJ)/rt/ilfglint.o
 $(RAD_OURS): $(RADOBJ)/rt/%.o: radiance_patch/%.c radiance_patch/ilfsrc.h ilfmat/ilf.h $(RAD)/.patched
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
