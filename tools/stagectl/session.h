@@ -37,6 +37,8 @@ typedef struct session {
     /* [camera] */
     char *command;
     int shell;
+    char *labels;          /* a word for each exposure, {label}; "" = none */
+    char *error_text;      /* in the command's output it means failure; "" = none */
     double timeout;        /* s beyond the exposure */
     double kill_after;     /* s from TERM to KILL */
     int retries;
