@@ -94,16 +94,21 @@ static inline float ilf_half_to_float(uint16_t h)
 }
 
 /* Any byte alignment: tiles in a mapped file may begin anywhere. */
-static inline float ilf_texel(const ilf *f, const unsigned char *p)
+static inline double ilf_texel_of(const unsigned char *p, int is_half)
 {
-    if (f->is_half) {
+    if (is_half) {
         uint16_t h;
         memcpy(&h, p, sizeof h);
-        return ilf_half_to_float(h);
+        return (double)ilf_half_to_float(h);
     }
     float v;
     memcpy(&v, p, sizeof v);
-    return v;
+    return (double)v;
+}
+
+static inline float ilf_texel(const ilf *f, const unsigned char *p)
+{
+    return (float)ilf_texel_of(p, f->is_half);
 }
 
 #endif

@@ -140,7 +140,7 @@ findballs(			/* find the scene's shiny balls */
 		if (ilf_sampler_lamps(bp->lamp, &bp->nl, MAXLAMP,
 				ilfsampler(ip), o->oargs.farg,
 				o->oargs.farg[3], &err) != ILF_OK)
-			objerror(ip->m, USER, err.text);
+			ilferror(ip->m, &err);
 		ip->nballs += (bp->nl > 0);
 	}
 }

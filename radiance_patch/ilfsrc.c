@@ -46,14 +46,14 @@
  */
 
 #ifndef ILFCAND
-#define ILFCAND		4		/* candidates per shadow ray */
+#define  ILFCAND		2		/* candidates per shadow ray */
 #endif
-#define ILFMINCAND	8		/* but at least this many */
-#define ILFHIST		48		/* tests before we believe history */
-#define ILFSURE		8		/* fewer rays where we do */
-#define ILFOMEGA	1e-6		/* solid angle for coefficients */
-#define ILFDOUBT	.1		/* part of bound added to estimate */
-#define ILFMAXPASS	64		/* objects to pass to our surface */
+#define  ILFMINCAND	8		/* but at least this many */
+#define  ILFHIST		48		/* tests before we believe history */
+#define  ILFSURE		8		/* fewer rays where we do */
+#define  ILFOMEGA	1e-6		/* solid angle for coefficients */
+#define  ILFDOUBT	.01		/* part of bound added to estimate */
+#define  ILFMAXPASS	64		/* objects to pass to our surface */
 
 typedef struct {
 	FVECT  dir;		/* direction */
@@ -169,7 +169,7 @@ ilfsampler(			/* find what is bright in light field */
 	spec.context = ip->m;
 	if (ilf_sampler_open(&ip->smp, ip->file->field, &ip->frame,
 			&spec, &err) != ILF_OK)
-		objerror(ip->m, USER, err.text);
+		ilferror(ip->m, &err);
 	setuptime += (double)(clock() - start) / CLOCKS_PER_SEC;
 	return(ip->smp);
 }
@@ -279,7 +279,7 @@ drawcands(			/* draw and weigh candidates */
 		}
 		if (ilf_eval(rgb, ip->file->field, &ip->frame, NULL, cp->dir,
 				hit, n ? ILF_DEPTH : ILF_NO_DEPTH, &err) != ILF_OK)
-			objerror(ip->m, USER, err.text);
+			ilferror(ip->m, &err);
 		cp->targ = d * (ilf_luminance(rgb) * ilf_excess_part(rgb,
 				ilf_sampler_threshold(ip->smp)));
 		if (ip->mode == ILF_DEPTH)
@@ -320,7 +320,7 @@ sampleilf(			/* add light field's excess */
 	if (!n)
 		return;
 	if (ilf_sampler_slice(&sp, ilfsampler(ip), r->rop, &err) != ILF_OK)
-		objerror(ip->m, USER, err.text);
+		ilferror(ip->m, &err);
 	if (sp == NULL)
 		return;			/* nothing bright from here */
 	ns = ilfsamp*r->rweight + .999;

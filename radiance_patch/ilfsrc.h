@@ -47,6 +47,8 @@ typedef struct ilfmat {
 	/* m_ilf.c */
 					/* get (open) a material's light field */
 extern ILFMAT	*getilf(OBJREC *m);
+					/* report libilf's error */
+extern void	ilferror(OBJREC *m, ilf_error *ep);
 					/* print what light fields were used */
 extern void	ilfreport(void);
 

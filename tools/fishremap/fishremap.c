@@ -142,6 +142,7 @@ static const cli_opt options[] = {
     {"span", 0, CLI_DOUBLE, &cfg.span_deg, NULL, "DEG", "longitudes across a latlong picture (default 360)"},
     {"outside", 0, CLI_CALL, &cfg, opt_outside, "MODE", "directions that IN does not show: alpha (default; black, with an\nalpha channel), black, or hold (nearest in the column)"},
     {"overlay", 0, CLI_STRING, &cfg.overlay, NULL, "FILE.png", "write IN with the circles found, or given, drawn on it"},
+    {"report", 0, CLI_STRING, &cfg.report, NULL, "FILE", "write what was found, and CPU times, as JSON"},
     {"mask", 'm', CLI_STRING, &cfg.mask, NULL, "FILE", "picture of IN's size; where it is black, IN is not used"},
     {"array", 'a', CLI_CALL, &cfg, opt_array, "NxM", "IN shows N x M mirror spheres; OUT is a light field"},
     {"corners", 0, CLI_CALL, &cfg, opt_corners, "LIST", "corner spheres \"X,Y,R X,Y,R X,Y,R X,Y,R\": (0,0), (N-1,0),\n(N-1,M-1), (0,M-1), or auto"},
@@ -186,8 +187,11 @@ int main(int argc, char **argv)
     int n = cli_parse(&prog, argc, argv);
     check_usage(n);
     cfg.in = argv[1];
+    cfg.progress = cli_progress;
     cfg.command = cli_command_line(&prog, argc, argv);
     if (cfg.nu ? job_array(&o, &cfg, &e) : job_picture(&o, &cfg, &e)) cli_fail(CLI_FAILED, "%s", e.text);
+    if (cfg.report && report_write(cfg.report, &o, &e)) cli_fail(CLI_FAILED, "%s", e.text);
+    free(o.spheres);
     if (o.bad_pixels) cli_note("%lld pixels were not finite or masked and were left out", (long long)o.bad_pixels);
     if (o.remark[0]) cli_note("%s", o.remark);
     return cli_end(CLI_OK);

@@ -20,7 +20,7 @@
 double cpu_seconds(void)
 {
     struct timespec t;
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
@@ -195,7 +195,7 @@ int job_picture(outcome *o, const settings *s, errmsg *e)
         if (failed) goto done;
     }
     double t0 = cpu_seconds();
-    if (source_prepare(&ready, im.pix, im.info.width, im.info.height, 4, NULL, &src, e)) goto done;
+    if (source_prepare(&ready, im.pix, im.info.width, im.info.height, &src, e)) goto done;
     double t1 = cpu_seconds();
     size_t n = (size_t)s->out_w * (size_t)s->out_h;
     rgb = malloc(n * 3 * sizeof(float)), alpha = malloc(n * sizeof(float));

@@ -243,13 +243,18 @@ static void row_apply(float *rgb, float *alpha, const row *r, int width, const r
 {
     size_t i = 0;
     for (int x = 0; x < width; x++) {
-        v4 sum = {0, 0, 0, 0};
-        for (; i < r->end[x]; i++) {
-            const entry *e = r->e + i;
-            const float *q = s->px + (size_t)e->px * SRC_FLOATS;
-            sum += e->w * *(const v4 *)q + e->wx * *(const v4 *)(q + 3) + e->wy * *(const v4 *)(q + 6);
+        double total[3] = {0, 0, 0};
+        while (i < r->end[x]) { /* short runs in float, their sum in double: a pole's texel has thousands */
+            size_t stop = i + 64 < r->end[x] ? i + 64 : r->end[x];
+            v4 sum = {0, 0, 0, 0};
+            for (; i < stop; i++) {
+                const entry *e = r->e + i;
+                const float *q = s->px + (size_t)e->px * SRC_FLOATS;
+                sum += e->w * *(const v4 *)q + e->wx * *(const v4 *)(q + 3) + e->wy * *(const v4 *)(q + 6);
+            }
+            for (int c = 0; c < 3; c++) total[c] += (double)sum[c];
         }
-        for (int c = 0; c < 3; c++) rgb[3 * x + c] = sum[c];
+        for (int c = 0; c < 3; c++) rgb[3 * x + c] = (float)total[c];
         if (alpha) alpha[x] = r->alpha[x];
     }
 }

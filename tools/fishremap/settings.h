@@ -37,6 +37,7 @@ typedef struct settings {
     int have_plane;
     double plane[9];
     const char *compression;
+    void (*progress)(const char *what, double done, double total); /* or NULL */
 } settings;
 
 /* What came out of it, for the caller to print and for --report. */
@@ -45,7 +46,9 @@ typedef struct outcome {
     int64_t bad_pixels;      /* NaN, infinite or masked */
     double covered;          /* share of the output's solid angle */
     double cpu_prepare_s, cpu_remap_s;
-    double pitch, polar_valid_deg; /* arrays */
+    double pitch, polar_valid_deg, tilt_deg; /* arrays */
+    sphere_seen *spheres;    /* arrays: where they are; the caller frees them */
+    int nspheres;
     char remark[512];        /* worth telling, or "" */
 } outcome;
 
@@ -62,6 +65,10 @@ int job_array(outcome *o, const settings *s, errmsg *e);
  * column, upwards first. */
 void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode);
 
+/* CPU time of this thread. */
 double cpu_seconds(void);
+
+/* The outcome as JSON. */
+int report_write(const char *path, const outcome *o, errmsg *e);
 
 #endif

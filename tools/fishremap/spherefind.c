@@ -106,6 +106,57 @@ static int fit_grid(sphere_grid *g, node *p, int n, double *rms)
     return rc;
 }
 
+static double at(const float *g, int w, int h, double x, double y)
+{
+    x -= 0.5, y -= 0.5;
+    int i = (int)floor(x), j = (int)floor(y);
+    if (i < 0 || j < 0 || i + 1 >= w || j + 1 >= h) return NAN;
+    double u = x - i, v = y - j;
+    const float *p = g + (size_t)j * (size_t)w + (size_t)i;
+    return (1 - v) * ((1 - u) * (double)p[0] + u * (double)p[1]) + v * ((1 - u) * (double)p[w] + u * (double)p[w + 1]);
+}
+
+/* The radius common to all spheres, as a factor on the grid's.  A mirror sphere's rim is no clean
+ * edge: reflections of reflections crowd towards it.  But outside of it they end: the mean
+ * radial change over 1 px, of all spheres along the directions between their neighbours, falls
+ * from its last peak to the background's level half a pixel beyond the rim. */
+static double common_radius(const sphere_grid *g, const float *grey, int w, int h)
+{
+    enum { STEPS = 120, RAYS = 40 };
+    const double from = 0.86, to = 1.10;
+    double mean[STEPS + 1], px = 0;
+    for (int k = 0; k <= STEPS; k++) {
+        double sum = 0, count = 0;
+        for (int s = 0; s < g->n * g->m; s++) {
+            double u;
+            sphere_seen c = sphere_grid_at(&u, g, s % g->n, s / g->n);
+            double r = c.r * (from + (to - from) * k / STEPS);
+            px += c.r / (g->n * g->m * (STEPS + 1.0));
+            for (int i = 0; i < RAYS; i++) {
+                double a = -u + M_PI / 4 + M_PI / 2 * (i % 4) + (i / 4 - 4.5) * 0.06;
+                double d = at(grey, w, h, c.x + (r + 0.5) * cos(a), c.y + (r + 0.5) * sin(a)) -
+                           at(grey, w, h, c.x + (r - 0.5) * cos(a), c.y + (r - 0.5) * sin(a));
+                if (!isnan(d)) sum += fabs(d), count++;
+            }
+        }
+        mean[k] = count > 0 ? sum / count : 0;
+    }
+    int top = 0;
+    double low = INFINITY;
+    for (int k = 0; k <= STEPS; k++) {
+        double f = from + (to - from) * k / STEPS;
+        if (f > 0.93 && f < 1.06 && mean[k] > mean[top]) top = k;
+        if (f > 1.02) low = fmin(low, mean[k]);
+    }
+    double half = 0.5 * (mean[top] + low);
+    for (int k = STEPS - 1; k >= top && mean[top] > 1.5 * low; k--)
+        if (mean[k] >= half && mean[k + 1] < half) {
+            double at_k = k + (mean[k] - half) / (mean[k] - mean[k + 1]);
+            return from + (to - from) * at_k / STEPS - 0.5 / px;
+        }
+    return 1;
+}
+
 int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const float *pix, int w, int h, errmsg *e)
 {
     int total = g->n * g->m, seen = 0, rc = -1;
@@ -143,12 +194,18 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const float *
             }
         }
     }
+    for (int it = 0; it < 2; it++) {
+        double k = common_radius(g, grey, w, h);
+        for (int c = 0; c < 4; c++) g->r[c] *= k;
+    }
     for (int k = 0; k < total; k++) q[k] = sphere_grid_at(NULL, g, k % g->n, k / g->n);
     for (int i = 0; i < seen; i++) {
         sphere_seen *c = q + (int)p[i].s + (int)p[i].t * g->n;
-        if (total == 1) *c = p[i].q;
-        if (hypot(c->x - p[i].q.x, c->y - p[i].q.y) < 1 && fabs(c->r - p[i].q.r) < 0.03 * c->r + 0.5) {
-            c->x = p[i].q.x, c->y = p[i].q.y;
+        double off = hypot(c->x - p[i].q.x, c->y - p[i].q.y);
+        if (off < fmax(4 * fit->rms, 0.5)) {
+            fit->refined++;
+        } else if (off < 0.1 * c->r && fabs(c->r - p[i].q.r) < 0.03 * c->r) {
+            c->x = p[i].q.x, c->y = p[i].q.y; /* mounted askew: its rim says so clearly */
             fit->refined++;
         }
     }

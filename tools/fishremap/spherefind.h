@@ -15,8 +15,8 @@ typedef struct sphere_fit {
 
 /* q: n*m spheres, i fastest, out.  g: from the corners, in; fitted to all rims, out.  Each sphere's rim is sought
  * within a tenth of its radius (at least 3.5 px) of where the grid has it; the homography and
- * a plane of radii are fitted robustly to what was seen; a sphere keeps its own rim's centre where that
- * agrees within 1 px, else it gets the grid's.  1 (q not set): fewer than half of the rims are seen;
+ * a plane of radii are fitted robustly to what was seen.  A sphere gets the grid's place, unless its rim
+ * clearly (four standard deviations) stands elsewhere; radii are scaled to where the reflections end.  1 (q not set): fewer than half of the rims are seen;
  * -1: the rims contradict the corners. */
 int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const float *pix, int w, int h, errmsg *e);
 

@@ -22,11 +22,12 @@
 #include "curve.h"
 #include "qrls.h"
 
-enum { BINS = 512, MAX_ROUNDS = 8, MIN_ROUNDS = 4, CELLS = 96, MIN_IN_NOISE = 30 };
+enum { BINS = 512, MAX_ROUNDS = 10, MIN_ROUNDS = 4, CELLS = 96, MIN_IN_NOISE = 30 };
 
 static const double dark_sigmas = 3;   /* active from e = 3 sigma: no black clipping */
 static const double bright_sigmas = 3.5; /* ... to 3.5 sigma under the clipped code */
 static const double outlier_sigmas = 4;
+static const double misfit_steps = 1;
 static const double least_lambda = 0.01; /* Gauss-Newton needs some hold where data are few */
 static const double longest_step = 0.5;  /* of any spline coefficient in one round */
 
@@ -184,7 +185,7 @@ static void gather(channel *h)
 
 /* Put the residuals' scatter in cells of a third of an octave in e, and fit. */
 static void fit_noise(noise_model *m, const channel *h, const response *r, const double *lnt,
-                      const noise_model *fixed)
+                      const noise_model *fixed, int damped)
 {
     noise_cell sum[CELLS] = {{0}}, full[CELLS];
     int used = 0;
@@ -212,7 +213,12 @@ static void fit_noise(noise_model *m, const channel *h, const response *r, const
             full[used].slope /= sum[i].n;
             full[used++].relative_square /= sum[i].n;
         }
-    noise_fit(m, full, used, fixed);
+    noise_model was = *m;
+    if (noise_fit(m, full, used, fixed) == 0 && damped) { /* it also decides which samples are active */
+        m->photon = 0.5 * (m->photon + was.photon);
+        m->read = 0.5 * (m->read + was.read);
+        m->code_var = 0.5 * (m->code_var + was.code_var);
+    }
 }
 
 static int by_value(const void *a, const void *b)
@@ -320,7 +326,7 @@ static int solve_step(step *d, const channel *h, const response *r, const double
         goto done;
     }
     for (int k = 0; k < tc; k++) { /* prior: ln t is as stated, give or take; the reference exactly */
-        double *row = qrls_row(q), w = k == o->reference ? 1e8 : 1 / o->time_spread;
+        double *row = qrls_row(q), w = k == o->reference ? 1e5 : 1 / o->time_spread;
         if (!row) {
             err_set(e, "least squares: LAPACK's QR factorisation failed");
             goto done;
@@ -384,7 +390,7 @@ static int one_round(response *r, noise_model *noise, double *lnt, const double 
             first_x(&h[c], r, &noise[c]);
         gather(&h[c]);
         if (o->fit_noise)
-            fit_noise(&noise[c], &h[c], r, lnt, &o->fixed_noise);
+            fit_noise(&noise[c], &h[c], r, lnt, &o->fixed_noise, facts->rounds > 2);
         fit_model_error(&h[c]);
         h[c].slack = fmax(1, h[c].slack / 2);
         count(facts, &h[c]);
@@ -392,7 +398,9 @@ static int one_round(response *r, noise_model *noise, double *lnt, const double 
             continue;
         if (solve_step(&d, &h[c], r, lnt, lnt0, b, coef[c], o, facts, e))
             goto done;
-        *change = fmax(*change, o->fit_response ? d.change : 0);
+        /* a step that is no larger than what no curve explains would only fit the misfit */
+        double small = misfit_steps * sqrt(h[c].model_error);
+        *change = fmax(*change, o->fit_response && d.change > small ? d.change : 0);
         for (int j = 0; j < BASIS_N && o->fit_response; j++)
             coef[c][j] += d.dc[j];
         for (int k = 0; k < kk && o->fit_times; k++) {
@@ -469,7 +477,7 @@ int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, 
     for (; facts->rounds < MAX_ROUNDS; facts->rounds++) {
         if (one_round(&work, m, t, lnt, h, &b, coef, o, facts, &change, e))
             goto done;
-        if (facts->rounds + 1 >= MIN_ROUNDS && change < 1e-4)
+        if (facts->rounds + 1 >= MIN_ROUNDS && change < 3e-4)
             break;
     }
     if (o->fit_response)

@@ -37,7 +37,7 @@ int curve_penalty(qrls *q, const basis *b, double lambda, const double *c)
         double v0 = b->knot[3 + i], v1 = b->knot[4 + i], dv = (v1 - v0) / PER_INTERVAL;
         for (int j = 0; j < PER_INTERVAL; j++) {
             double v = v0 + (j + 0.5) * dv, n[4], now = 0;
-            double bend = 0.8 + 32 * exp(v) / b->max_code;
+            double bend = 1.5 + 24 * exp(v) / b->max_code;
             int first = basis_eval(b, v, 2, n);
             double w = sqrt(lambda * dv) / bend, *row = qrls_row(q);
             if (!row)

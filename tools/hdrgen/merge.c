@@ -1,8 +1,8 @@
 /*
  * merge.c - the row kernels.
  *
- * Noise weights: X0 is the mean of y/t with inverse-variance weights read off the samples; then
- * Fisher-scoring steps of the quasi-likelihood with everything but y taken from X0,
+ * Noise weights: X0 is y/t of the longest exposure that is not clipped; then Fisher-scoring steps of the
+ * quasi-likelihood with everything but y taken from X0,
  *
  *     d ln X = sum w(e_k) (y_k/e_k - m(e_k)/e_k) / sum i(e_k),   e_k = X0 t_k,
  *
@@ -19,6 +19,7 @@
 #include "merge_internal.h"
 
 enum { MAX_STEPS = 6 };
+static const float negligible = 0.001f; /* share of the information that may be left out */
 
 /* No sample had a say: the bounds that black and clipped samples set. */
 static void bound(const merge *m, const merge_channel *ch, const merge_row *row, int i,
@@ -26,12 +27,12 @@ static void bound(const merge *m, const merge_channel *ch, const merge_row *row,
 {
     float lower = 0, upper = INFINITY;
     size_t at = (size_t)i * row->stride;
-    for (int k = 0; k < m->n; k++) {
-        int z = row->codes[k][at];
+    for (int s = 0; s < m->n; s++) {
+        int z = row->codes[m->order[s]][at];
         if (z == m->max_code)
-            lower = fmaxf(lower, ch->clip * m->rt[k]);
+            lower = fmaxf(lower, ch->clip * m->rt[s]);
         else
-            upper = fminf(upper, fmaxf(ch->code[z].y, ch->black) * m->rt[k]);
+            upper = fminf(upper, fmaxf(ch->code[z].y, ch->black) * m->rt[s]);
     }
     if (isinf(upper)) {
         *x = *sd = lower;
@@ -51,43 +52,56 @@ static inline int counts(const merge_row *row, int i, int k)
     return !row->reject || k > 63 || !(row->reject[i] >> k & 1u);
 }
 
+/* The longest exposure with a sample inside the scale: place in m->order, or -1. */
+static inline int first_inside(const merge *m, const uint16_t *const *codes, const merge_row *row, int i,
+                               size_t at, int with_reject)
+{
+    for (int s = 0; s < m->n; s++) {
+        int z = codes[s][at];
+        if (z < m->max_code && z > 0 && (!with_reject || counts(row, i, m->order[s])))
+            return s;
+    }
+    return -1;
+}
+
 static inline void noise_row(const merge *m, const merge_channel *ch, const merge_row *row,
                              int with_pedestal, int with_reject)
 {
     const codeval *code = ch->code;
     const int base = (OCTAVES - grid_top_octave) * GRID, n = m->n;
+    const uint16_t *codes[MERGE_MOST];
+    for (int s = 0; s < n; s++)
+        codes[s] = row->codes[m->order[s]];
     for (int i = 0; i < row->count; i++) {
         size_t at = (size_t)i * row->stride, to = (size_t)i * row->out_stride;
-        float num = 0, den = 0, x, sd, dark = with_pedestal ? row->pedestal[at] : 0;
+        float x = 0, sd, dark = with_pedestal ? row->pedestal[at] : 0;
         uint8_t flag = 0, used = 0;
-        for (int k = 0; k < n; k++) {
-            const codeval *v = &code[row->codes[k][at]];
-            if (with_reject && !counts(row, i, k)) {
-                flag |= MERGE_GHOST;
-                continue;
-            }
-            num += (v->wy - (with_pedestal ? v->w * dark : 0)) * m->rt[k];
-            den += v->w;
-        }
-        if (!(den > 0) || !(num > 0)) {
+        int first = first_inside(m, codes, row, i, at, with_reject);
+        if (first >= 0)
+            x = (code[codes[first][at]].y - dark) * m->rt[first];
+        for (int k = 0; with_reject && k < n; k++)
+            if (!counts(row, i, k))
+                flag = MERGE_GHOST;
+        if (!(x > 0)) {
             bound(m, ch, row, i, &x, &sd, &flag);
         } else {
             float info = 0;
-            x = num / den;
             for (int step = 0; step < MAX_STEPS; step++) {
                 float score = 0, rx = 1 / x;
                 int cell = cell_of(x) + base;
                 info = 0;
                 used = 0;
-                for (int k = 0; k < n; k++) {
-                    const codeval *v = &code[row->codes[k][at]];
-                    const expectation *e = &ch->expect[clamp_cell(cell + m->offset[k])];
+                for (int s = first; s < n; s++) {
+                    const codeval *v = &code[codes[s][at]];
+                    const expectation *e = &ch->expect[clamp_cell(cell + m->offset[s])];
                     float on = v->valid;
-                    if (with_reject && !counts(row, i, k))
+                    if (with_reject && !counts(row, i, m->order[s]))
                         on = 0;
-                    score += on * e->weight * ((v->y - dark) * rx * m->rt[k] - e->mean);
+                    score += on * e->weight * ((v->y - dark) * rx * m->rt[s] - e->mean);
                     info += on * e->info;
                     used = (uint8_t)(used + (on * e->info > 0.25f));
+                    if (e->rest < negligible * info) /* all that follow know less than that together */
+                        break;
                 }
                 if (!(info > 1e-6f))
                     break;
@@ -116,7 +130,8 @@ static void debevec_row(const merge *m, const merge_channel *ch, const merge_row
         size_t at = (size_t)i * row->stride, to = (size_t)i * row->out_stride;
         float num = 0, den = 0, scatter = 0, x, sd;
         uint8_t flag = 0, used = 0;
-        for (int k = 0; k < m->n; k++) {
+        for (int s = 0; s < m->n; s++) {
+            int k = m->order[s];
             const codeval *v = &ch->code[row->codes[k][at]];
             if (row->reject && !counts(row, i, k)) {
                 flag |= MERGE_GHOST;
@@ -128,7 +143,7 @@ static void debevec_row(const merge *m, const merge_channel *ch, const merge_row
                 w = y > 0 ? w : 0;
                 wy = y > 0 ? w * logf(y) : 0;
             }
-            num += wy - w * m->lnt[k];
+            num += wy - w * m->lnt[s];
             den += w;
             used = (uint8_t)(used + (w > 0));
         }
@@ -137,11 +152,11 @@ static void debevec_row(const merge *m, const merge_channel *ch, const merge_row
         } else {
             x = expf(num / den);
             int cell = cell_of(x) + base;
-            for (int k = 0; k < m->n; k++) { /* of a mean with these weights and the model's noise */
-                const codeval *v = &ch->code[row->codes[k][at]];
-                float s = ch->expect[clamp_cell(cell + m->offset[k])].sd;
-                if (!row->reject || counts(row, i, k))
-                    scatter += v->w * v->w * s * s;
+            for (int s = 0; s < m->n; s++) { /* of a mean with these weights and the model's noise */
+                const codeval *v = &ch->code[row->codes[m->order[s]][at]];
+                float one = ch->expect[clamp_cell(cell + m->offset[s])].sd;
+                if (!row->reject || counts(row, i, m->order[s]))
+                    scatter += v->w * v->w * one * one;
             }
             sd = x * fminf(sqrtf(scatter) / den, 1);
         }

@@ -23,6 +23,8 @@ enum merge_flag {
     MERGE_GHOST = 8    /* exposures that contradict the others were left out */
 };
 
+enum { MERGE_MOST = 1024 }; /* exposures */
+
 typedef struct merge merge;
 
 /* Tables for all channels.  exposure[k] > 0: t_k (seconds, ISO and aperture included).

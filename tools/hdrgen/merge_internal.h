@@ -14,13 +14,14 @@ typedef struct expectation {
     float weight;  /* of the relative residual y/e - mean: e^2 mean'(e) / variance */
     float info;    /* weight * mean': Fisher information about ln X */
     float mean;    /* E[finv(z) | e, not clipped] / e */
+    float rest;   /* bound on the information of all shorter exposures together */
     float sd;      /* standard deviation of y, relative to e */
 } expectation;
 
 typedef struct codeval {
     float y;     /* finv(z); 0 at the highest code */
     float valid; /* 1, at the highest code 0 */
-    float w, wy; /* first guess: e^2 / variance, and times y; Debevec: hat, and times ln y */
+    float w, wy; /* weight on its own: e^2 / variance, or hat; hat times ln y (0 for noise) */
 } codeval;
 
 typedef struct merge_channel {
@@ -32,10 +33,10 @@ typedef struct merge_channel {
 struct merge {
     int n, channels, max_code;
     merge_weight weight;
-    float *rt;   /* 1 / t_k */
-    float *lnt;  /* ln t_k */
-    int *offset; /* log2 t_k in cells */
-    int longest, shortest;
+    int *order;  /* exposures from the longest to the shortest; the arrays below are in that order */
+    float *rt;   /* 1 / t */
+    float *lnt;  /* ln t */
+    int *offset; /* log2 t in cells */
     merge_channel ch[RESPONSE_MAX_CHANNELS];
 };
 

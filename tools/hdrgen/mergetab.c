@@ -34,7 +34,7 @@ static void code_values(merge_channel *ch, const response *r, int c, const noise
         else if (inside)
             w = 2 * fmin(z, top - z) / top;
         v->w = (float)w;
-        v->wy = (float)(weight == MERGE_NOISE ? w * e : inside ? w * log(e) : 0);
+        v->wy = (float)(inside && weight == MERGE_DEBEVEC ? w * log(e) : 0);
     }
     ch->clip = (float)response_edge(r, c, top);
     ch->black = (float)response_edge(r, c, 1);
@@ -110,6 +110,24 @@ static void expectations(merge_channel *ch, const response *r, int c, const nois
     }
 }
 
+/* expect[i].rest: an exposure at cell i has a say; those after it in m->order have, together, at most
+ * the sum over steps of the smallest ratio between neighbours of the information there. */
+static void bound_rest(const merge *m, merge_channel *ch)
+{
+    int step = CELLS;
+    for (int s = 1; s < m->n; s++) {
+        int d = m->offset[s - 1] - m->offset[s];
+        step = d < step ? d : step;
+    }
+    for (int i = 0; i < CELLS; i++) {
+        float sum = 0;
+        int k = 1;
+        for (; step > 0 && k < m->n && i - k * step >= 0; k++)
+            sum += ch->expect[i - k * step].info;
+        ch->expect[i].rest = step > 0 ? sum : INFINITY;
+    }
+}
+
 void merge_free(merge *m)
 {
     if (!m)
@@ -118,6 +136,7 @@ void merge_free(merge *m)
         free(m->ch[c].code);
         free(m->ch[c].expect);
     }
+    free(m->order);
     free(m->rt);
     free(m->lnt);
     free(m->offset);
@@ -127,26 +146,32 @@ void merge_free(merge *m)
 merge *merge_new(const response *r, const noise_model *noise, const double *exposure, int n,
                  merge_weight weight, int lifted, errmsg *e)
 {
-    merge *m = calloc(1, sizeof *m);
+    merge *m = NULL;
+    if (n > MERGE_MOST) {
+        err_set(e, "expected at most %d images, found %d", MERGE_MOST, n);
+        return NULL;
+    }
+    m = calloc(1, sizeof *m);
     if (m) {
+        m->order = calloc((size_t)n, sizeof *m->order);
         m->rt = calloc((size_t)n, sizeof *m->rt);
         m->lnt = calloc((size_t)n, sizeof *m->lnt);
         m->offset = calloc((size_t)n, sizeof *m->offset);
     }
-    if (!m || !m->rt || !m->lnt || !m->offset)
+    if (!m || !m->order || !m->rt || !m->lnt || !m->offset)
         goto memory;
     m->n = n;
     m->channels = r->channels;
     m->max_code = r->max_code;
     m->weight = weight;
     for (int k = 0; k < n; k++) {
-        m->rt[k] = (float)(1 / exposure[k]);
-        m->lnt[k] = (float)log(exposure[k]);
-        m->offset[k] = (int)lrint(log2(exposure[k]) * GRID);
-        if (exposure[k] > exposure[m->longest])
-            m->longest = k;
-        if (exposure[k] < exposure[m->shortest])
-            m->shortest = k;
+        int s = 0;
+        for (int i = 0; i < n; i++)
+            s += exposure[i] > exposure[k] || (exposure[i] == exposure[k] && i < k);
+        m->order[s] = k;
+        m->rt[s] = (float)(1 / exposure[k]);
+        m->lnt[s] = (float)log(exposure[k]);
+        m->offset[s] = (int)lrint(log2(exposure[k]) * GRID);
     }
     for (int c = 0; c < r->channels; c++) {
         merge_channel *ch = &m->ch[c];
@@ -156,6 +181,7 @@ merge *merge_new(const response *r, const noise_model *noise, const double *expo
             goto memory;
         code_values(ch, r, c, &noise[c], weight);
         expectations(ch, r, c, &noise[c], lifted);
+        bound_rest(m, ch);
     }
     return m;
 memory:

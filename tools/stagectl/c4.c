@@ -149,7 +149,7 @@ static stage_code c4_check(stage *s, errmsg *e)
 
 static stage_code c4_halt(stage *s, errmsg *e)
 {
-    s->position_known = 0;
+    if (s->position_known) return STAGE_OK; /* known only while it stands */
     return say(s, "!1a\r", 4, 1, "stopping", e);
 }
 

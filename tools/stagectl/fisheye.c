@@ -26,7 +26,7 @@ int fisheye_make(fisheye *f, const char *lens, double fov_deg, int size, errmsg 
     if (!(fov_deg > 0 && fov_deg <= lenses[k].max_fov_deg))
         return err_set(e, "field of view: expected 0 < degrees <= %g for a %s lens, found %g", lenses[k].max_fov_deg,
                        lens, fov_deg);
-    if (size < 2 || size > 16384) return err_set(e, "size: expected 2..16384 pixels, found %d", size);
+    if (size < 2 || size > 8192) return err_set(e, "size: expected 2..8192 pixels, found %d", size);
     f->lens = (fisheye_lens)k;
     f->half_fov = fov_deg * M_PI / 360;
     f->size = size;

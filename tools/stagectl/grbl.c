@@ -20,7 +20,7 @@
 enum { WANT_ANSWER = 1, WANT_STATUS = 2, WANT_BANNER = 4 };
 
 /* seconds */
-static const double answer_s = 5, query_s = 1, banner_s = 3, poll_s = 0.2, hold_s = 10;
+static const double answer_s = 5, query_s = 0.25, banner_s = 3, poll_s = 0.2, hold_s = 10;
 
 typedef struct grbl {
     linebuf line;
@@ -152,13 +152,13 @@ static stage_code command(stage *s, const char *line, double timeout_s, const ch
     return r != STAGE_OK ? r : take(s, &m, WANT_ANSWER, now_s() + timeout_s, doing, e);
 }
 
-/* Ask for a status, three times, and take the first with a position.  pos may stay as it was only on failure. */
+/* Ask for a status, for three seconds at four a second, and take the first with a position. */
 static stage_code query(stage *s, grbl_message *m, double xy[2], errmsg *e)
 {
     grbl *g = s->state;
     stage_code r = STAGE_SILENT;
     /* A work position is useless until the offset comes along, which GRBL adds to one in thirty. */
-    for (int tries = 0, unanswered = 0; tries < 40 && unanswered < 3; tries++) {
+    for (int tries = 0, unanswered = 0; tries < 50 && unanswered < 12; tries++) {
         if ((r = realtime(s, GRBL_STATUS_QUERY, e)) != STAGE_OK) return r;
         r = take(s, m, WANT_STATUS, now_s() + query_s, "asking for the status", e);
         if (r == STAGE_OK && machine_position(s, xy, m)) {
@@ -190,8 +190,8 @@ static stage_code halt(stage *s, errmsg *e)
     grbl_message m;
     double until = now_s() + hold_s, xy[2], before[2] = {NAN, NAN};
     int silent = 0;
-    stage_code r = realtime(s, GRBL_HOLD, e);
-    while (r == STAGE_OK && now_s() < until && silent < 2) {
+    stage_code r = g->need_reset ? STAGE_OK : realtime(s, GRBL_HOLD, e);
+    while (r == STAGE_OK && !g->need_reset && now_s() < until && silent < 6) {
         if ((r = realtime(s, GRBL_STATUS_QUERY, e)) != STAGE_OK) break;
         r = take(s, &m, WANT_STATUS, now_s() + query_s, "waiting for the stage to hold", e);
         if (r == STAGE_INTERRUPTED) { /* asked twice: at once, whatever becomes of the position */
