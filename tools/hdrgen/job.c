@@ -88,7 +88,8 @@ int job_open(job *j, const char *times_file, errmsg *e)
         return err_set(e, "out of memory");
     for (int k = 0; k < j->n; k++)
         paths[k] = (char *)(uintptr_t)j->shots[k].path;
-    int bad = frames_open(&j->frames, paths, j->n, j->opts.memory, j->opts.has_fill ? j->opts.fill : NULL, e);
+    int bad = frames_open(&j->frames, paths, j->n, j->opts.memory, j->opts.has_fill ? j->opts.fill : NULL,
+                          j->opts.half_size, e);
     free(paths);
     if (bad)
         return -1;
