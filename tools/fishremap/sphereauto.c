@@ -3,9 +3,8 @@
  *
  * Neighbouring spheres show almost the same reflections, so the picture repeats itself: the steps
  * of the grid are the shifts, along the picture's right and up, at which its gradient correlates best with
- * itself.  Where in the repeating cell the centre lies, and the radius, is voted for by all edges, each
- * along its gradient: a rim votes for its centre with all of its length; the best guesses are tried on the
- * rims themselves.  Which nodes are spheres
+ * itself.  The centre lies where the repeated pieces are most alike, the radius is where the reflections
+ * end on the way in from the gaps.  Which nodes are spheres
  * is seen from how alike neighbouring nodes are: the n x m window that holds most likeness is the array.
  */
 #include <math.h>
@@ -15,7 +14,7 @@
 #include "spherefind.h"
 
 #define SIDE 480 /* pixels, longer side of the working copy */
-#define CELL 48  /* bins across the repeating cell */
+#define CELL 32  /* places tried across the repeating cell */
 
 typedef struct work {
     int w, h;
@@ -109,87 +108,51 @@ static double find_step(double step[2], const work *a, const double d[2], double
     return best;
 }
 
-/* Lattice coordinates of a point: p = o + s u + t v. */
-static void coordinates(double st[2], double x, double y, const double u[2], const double v[2])
+/* Mean squared difference, clipped, between what is at the same place of neighbouring cells; places are
+ * CELL x CELL positions of the repeating cell, nodes all that lie within the picture. */
+static void unlikeness(float out[CELL][CELL], const work *a, const double u[2], const double v[2], double pitch, int n, int m)
 {
-    double det = u[0] * v[1] - u[1] * v[0];
-    st[0] = (x * v[1] - y * v[0]) / det;
-    st[1] = (u[0] * y - u[1] * x) / det;
-}
-
-/* A guess at where in the cell the centre lies, and at the radius. */
-typedef struct guess {
-    double at[2], r, votes, quality;
-} guess;
-
-#define GUESSES 16
-
-static void keep_guess(guess *list, const guess *g, double pitch)
-{
-    int worst = 0;
-    for (int k = 0; k < GUESSES; k++) {
-        double ds = g->at[0] - list[k].at[0], dt = g->at[1] - list[k].at[1];
-        ds -= nearbyint(ds), dt -= nearbyint(dt);
-        if (list[k].votes > 0 && hypot(ds, dt) < 0.07 && fabs(g->r - list[k].r) < 0.06 * pitch) {
-            if (g->votes > list[k].votes) list[k] = *g;
-            return;
-        }
-        if (list[k].votes < list[worst].votes) worst = k;
-    }
-    if (g->votes > list[worst].votes) list[worst] = *g;
-}
-
-/* Votes of all edges for a centre at radius r, folded into one cell; local peaks become guesses. */
-static void fold_votes(guess *list, const work *a, double r, const double u[2], const double v[2])
-{
-    float cell[CELL][CELL], soft[CELL][CELL];
-    double mean = 0;
-    memset(cell, 0, sizeof cell);
-    for (int y = 1; y + 1 < a->h; y++)
-        for (int x = 1; x + 1 < a->w; x++) {
-            size_t i = (size_t)y * (size_t)a->w + (size_t)x;
-            double m = hypot((double)a->gx[i], (double)a->gy[i]), st[2];
-            if (m < 0.05) continue;
-            for (int side = -1; side <= 1; side += 2) {
-                coordinates(st, x + 0.5 + side * r * (double)a->gx[i] / m, y + 0.5 + side * r * (double)a->gy[i] / m, u, v);
-                int p = (int)((st[0] - floor(st[0])) * CELL), q = (int)((st[1] - floor(st[1])) * CELL);
-                cell[q % CELL][p % CELL] += (float)fmin(m, 0.15);
-            }
-        }
+    int reach = (int)(hypot(a->w, a->h) / pitch) + 2;
     for (int q = 0; q < CELL; q++)
         for (int p = 0; p < CELL; p++) {
-            double s = 0;
-            for (int j = -2; j <= 2; j++)
-                for (int i = -2; i <= 2; i++)
-                    s += (double)cell[(q + j + CELL) % CELL][(p + i + CELL) % CELL] * (3 - abs(i)) * (3 - abs(j));
-            soft[q][p] = (float)s;
-            mean += s / (CELL * CELL);
-        }
-    for (int q = 0; q < CELL; q++)
-        for (int p = 0; p < CELL; p++) {
-            int top = 1;
-            for (int j = -2; j <= 2; j++)
-                for (int i = -2; i <= 2; i++) top &= soft[(q + j + CELL) % CELL][(p + i + CELL) % CELL] <= soft[q][p];
-            guess g = {{(p + 0.5) / CELL, (q + 0.5) / CELL}, r, mean > 0 ? (double)soft[q][p] / mean : 0, 0};
-            if (top) keep_guess(list, &g, fmin(hypot(u[0], u[1]), hypot(v[0], v[1])));
+            double sum = 0, count = 0;
+            for (int j = -reach; j <= reach; j++)
+                for (int i = -reach; i <= reach; i++) {
+                    double s = i + (p + 0.5) / CELL, t = j + (q + 0.5) / CELL, x = s * u[0] + t * v[0], y = s * u[1] + t * v[1];
+                    if (x < 0 || y < 0 || x >= a->w || y >= a->h) continue;
+                    float here = a->g[(size_t)y * (size_t)a->w + (size_t)x];
+                    for (int d = 0; d < 2; d++) {
+                        double nx = x + (d ? v[0] : u[0]), ny = y + (d ? v[1] : u[1]);
+                        if ((d ? m : n) == 1 || nx < 0 || ny < 0 || nx >= a->w || ny >= a->h) continue;
+                        double diff = (double)(a->g[(size_t)ny * (size_t)a->w + (size_t)nx] - here);
+                        sum += fmin(diff * diff, 0.25), count++;
+                    }
+                }
+            out[q][p] = (float)(count > 0 ? sum / count : 0);
         }
 }
 
-/* How well a guess explains rims at full size: over some nodes, the share of the rim seen, and how sharply. */
-static double rim_quality(const guess *g, const float *grey, int w, int h, double k, const double u[2], const double v[2])
+/* The centre in the cell: neighbours show almost the same in the middle, where no sphere hides the room, and
+ * all kinds of things in the ring of reflected reflections around it.  In steps. */
+static void find_centre(double at[2], const work *a, const double u[2], const double v[2], double pitch, int n, int m)
 {
-    double sum = 0;
-    int reach = (int)(hypot(w, h) / (k * fmin(hypot(u[0], u[1]), hypot(v[0], v[1])))) + 1, tried = 0, step = 1;
-    while ((2.0 * reach / step) * (2.0 * reach / step) > 1600) step++;
-    for (int j = -reach; j <= reach; j += step)
-        for (int i = -reach; i <= reach; i += step) {
-            double s = i + g->at[0], t = j + g->at[1], x = k * (s * u[0] + t * v[0]), y = k * (s * u[1] + t * v[1]), r = k * g->r;
-            if (x < r || y < r || x > w - r || y > h - r || tried >= 64) continue;
-            circle_found f = {x, y, r, 0, 0};
-            tried++;
-            if (!circle_refine(&f, grey, w, h, CIRCLE_BALL, fmax(4, 0.12 * r))) sum += f.share / (1 + f.rms * 20 / r);
+    float un[CELL][CELL];
+    double best = -INFINITY;
+    unlikeness(un, a, u, v, pitch, n, m);
+    for (int q = 0; q < CELL; q++)
+        for (int p = 0; p < CELL; p++) {
+            double in = 0, nin = 0, ring = 0, nring = 0;
+            for (int j = 0; j < CELL; j++)
+                for (int i = 0; i < CELL; i++) {
+                    double s = (double)(i - p) / CELL, t = (double)(j - q) / CELL;
+                    s -= nearbyint(s), t -= nearbyint(t);
+                    double r = hypot(s * u[0] + t * v[0], s * u[1] + t * v[1]) / pitch, d = (double)un[j][i];
+                    if (r < 0.28) in += d, nin++;
+                    else if (r > 0.34 && r < 0.48) ring += d, nring++;
+                }
+            double score = ring / nring - in / nin;
+            if (score > best) best = score, at[0] = (p + 0.5) / CELL, at[1] = (q + 0.5) / CELL;
         }
-    return tried ? sum / tried * sqrt(g->r) : 0;
 }
 
 /* How alike the reflections around two points are: correlation of grey within 0.6 r; -1 outside. */
@@ -262,28 +225,9 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
         work_free(&a);
         return err_set(e, "expected an array of %d x %d mirror spheres, found nothing that repeats itself so; give --corners", n, m);
     }
-    guess list[GUESSES];
-    memset(list, 0, sizeof list);
-    for (double f = 0.30; f <= 0.525; f += 0.0125) fold_votes(list, &a, f * pitch, u, v);
-    float *grey = circle_grey(pix, w, h);
-    guess *best = list;
-    for (int q = 0; grey && q < GUESSES; q++) {
-        if (list[q].votes > 0) list[q].quality = rim_quality(&list[q], grey, w, h, a.k, u, v);
-        if (list[q].quality > best->quality) best = list + q;
-    }
-    /* Where the neighbours' reflections begin there is a circle as well, of 0.64 of the radius and often
-     * clearer than the rim: the largest circle about this centre that is there at all is the rim. */
-    double clear = 0.35 * best->quality;
-    guess wider = *best;
-    for (double r = 0.525 * pitch; grey && r > 1.1 * best->r; r -= 0.0125 * pitch) {
-        wider.r = r;
-        if (rim_quality(&wider, grey, w, h, a.k, u, v) > clear) {
-            *best = wider;
-            break;
-        }
-    }
-    free(grey);
-    double r = best->r, o[2] = {best->at[0] * u[0] + best->at[1] * v[0], best->at[0] * u[1] + best->at[1] * v[1]};
+    double at[2], r = 0.4 * pitch;
+    find_centre(at, &a, u, v, pitch, n, m);
+    double o[2] = {at[0] * u[0] + at[1] * v[0], at[0] * u[1] + at[1] * v[1]};
     int node[2] = {0, 0};
     double like = best_window(node, &a, o, u, v, r, n, m);
     double k = a.k;
@@ -292,9 +236,9 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
         return err_set(e, "expected an array of %d x %d mirror spheres, found none that look alike; give --corners", n, m);
     for (int q = 0; q < 4; q++) {
         double i = node[0] + (q == 1 || q == 2 ? n - 1 : 0), j = node[1] + (q >= 2 ? m - 1 : 0);
-        corner[q] = (sphere_seen){k * (o[0] + i * u[0] + j * v[0]), k * (o[1] + i * u[1] + j * v[1]), k * r};
+        corner[q] = (sphere_seen){k * (o[0] + i * u[0] + j * v[0]), k * (o[1] + i * u[1] + j * v[1]), k * 0.5 * pitch};
     }
-    return 0;
+    return sphere_outer_radius(corner, pix, w, h, n, m, rotate, e);
 }
 
 int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e)

@@ -21,6 +21,10 @@ typedef struct sphere_fit {
 int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, const float *pix,
                   int w, int h, errmsg *e);
 
+/* Corners at the right centres, with radii of half the pitch: set the radii to where, coming from the gaps, the
+ * reflections begin. */
+int sphere_outer_radius(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e);
+
 /* Corner spheres of an n x m array that fills a good part of the picture; rotate as in sphere_grid_init. */
 int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e);
 
