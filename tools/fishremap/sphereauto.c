@@ -108,37 +108,40 @@ static double find_step(double step[2], const work *a, const double d[2], double
     return best;
 }
 
-/* Mean squared difference, clipped, between what is at the same place of neighbouring cells; places are
- * CELL x CELL positions of the repeating cell, nodes all that lie within the picture. */
-static void unlikeness(float out[CELL][CELL], const work *a, const double u[2], const double v[2], double pitch, int n, int m)
+/* What the same place of neighbouring cells has in common, over all nodes within the picture: the mean
+ * product of gradients, and minus the mean squared difference (clipped) of what is seen. */
+static void compare_cells(float product[CELL][CELL], float same[CELL][CELL], const work *a, const double u[2], const double v[2],
+                          double pitch, int n, int m)
 {
     int reach = (int)(hypot(a->w, a->h) / pitch) + 2;
     for (int q = 0; q < CELL; q++)
         for (int p = 0; p < CELL; p++) {
-            double sum = 0, count = 0;
+            double sum = 0, diff = 0, count = 0;
             for (int j = -reach; j <= reach; j++)
                 for (int i = -reach; i <= reach; i++) {
                     double s = i + (p + 0.5) / CELL, t = j + (q + 0.5) / CELL, x = s * u[0] + t * v[0], y = s * u[1] + t * v[1];
                     if (x < 0 || y < 0 || x >= a->w || y >= a->h) continue;
-                    float here = a->g[(size_t)y * (size_t)a->w + (size_t)x];
+                    size_t here = (size_t)y * (size_t)a->w + (size_t)x;
                     for (int d = 0; d < 2; d++) {
                         double nx = x + (d ? v[0] : u[0]), ny = y + (d ? v[1] : u[1]);
                         if ((d ? m : n) == 1 || nx < 0 || ny < 0 || nx >= a->w || ny >= a->h) continue;
-                        double diff = (double)(a->g[(size_t)ny * (size_t)a->w + (size_t)nx] - here);
-                        sum += fmin(diff * diff, 0.25), count++;
+                        size_t there = (size_t)ny * (size_t)a->w + (size_t)nx;
+                        double e = (double)(a->g[there] - a->g[here]);
+                        sum += (double)(a->gx[here] * a->gx[there] + a->gy[here] * a->gy[there]), diff += fmin(e * e, 0.25), count++;
                     }
                 }
-            out[q][p] = (float)(count > 0 ? sum / count : 0);
+            product[q][p] = (float)(count > 0 ? sum / count : 0);
+            same[q][p] = (float)(count > 0 ? -diff / count : 0);
         }
 }
 
-/* The centre in the cell: neighbours show almost the same in the middle, where no sphere hides the room, and
- * all kinds of things in the ring of reflected reflections around it.  In steps. */
-static void find_centre(double at[2], const work *a, const double u[2], const double v[2], double pitch, int n, int m)
+#define GUESSES 3
+
+/* Guesses at the centre in the cell, in steps: neighbours have much in common in the middle, where no sphere
+ * hides the room, and little in the ring of reflected reflections around it. */
+static void find_centre(double at[GUESSES][2], float shared[CELL][CELL], const double u[2], const double v[2], double pitch)
 {
-    float un[CELL][CELL];
-    double best = -INFINITY;
-    unlikeness(un, a, u, v, pitch, n, m);
+    float score[CELL][CELL];
     for (int q = 0; q < CELL; q++)
         for (int p = 0; p < CELL; p++) {
             double in = 0, nin = 0, ring = 0, nring = 0;
@@ -146,13 +149,24 @@ static void find_centre(double at[2], const work *a, const double u[2], const do
                 for (int i = 0; i < CELL; i++) {
                     double s = (double)(i - p) / CELL, t = (double)(j - q) / CELL;
                     s -= nearbyint(s), t -= nearbyint(t);
-                    double r = hypot(s * u[0] + t * v[0], s * u[1] + t * v[1]) / pitch, d = (double)un[j][i];
+                    double r = hypot(s * u[0] + t * v[0], s * u[1] + t * v[1]) / pitch, d = (double)shared[j][i];
                     if (r < 0.28) in += d, nin++;
                     else if (r > 0.34 && r < 0.48) ring += d, nring++;
                 }
-            double score = ring / nring - in / nin;
-            if (score > best) best = score, at[0] = (p + 0.5) / CELL, at[1] = (q + 0.5) / CELL;
+            score[q][p] = (float)(in / nin - ring / nring);
         }
+    for (int k = 0; k < GUESSES; k++) { /* the highest, a quarter of a cell apart */
+        float best = -INFINITY;
+        for (int q = 0; q < CELL; q++)
+            for (int p = 0; p < CELL; p++) {
+                int apart = 1;
+                for (int i = 0; i < k; i++) {
+                    double s = (p + 0.5) / CELL - at[i][0], t = (q + 0.5) / CELL - at[i][1];
+                    apart &= hypot(s - nearbyint(s), t - nearbyint(t)) > 0.2;
+                }
+                if (apart && score[q][p] > best) best = score[q][p], at[k][0] = (p + 0.5) / CELL, at[k][1] = (q + 0.5) / CELL;
+            }
+    }
 }
 
 /* How alike the reflections around two points are: correlation of grey within 0.6 r; -1 outside. */
@@ -210,11 +224,11 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
 {
     work a;
     /* +u in the picture: right, turned back by rotate; +v to its left */
-    double c = cos(rotate), s = sin(rotate), du[2] = {c, s}, dv[2] = {s, -c}, u[2] = {0, 0}, v[2] = {0, 0};
+    double co = cos(rotate), si = sin(rotate), du[2] = {co, si}, dv[2] = {si, -co}, u[2] = {0, 0}, v[2] = {0, 0};
     if (n > 100 || m > 100) return err_set(e, "expected at most 100 x 100 spheres to find, found %d x %d", n, m);
     if (w / n < 12 || h / m < 12 || work_init(&a, pix, w, h))
         return err_set(e, "expected at least 12 pixels a sphere, found a picture of %d x %d for %d x %d spheres", w, h, n, m);
-    double along_u = (fabs(c) * a.w + fabs(s) * a.h) / n, along_v = (fabs(s) * a.w + fabs(c) * a.h) / m;
+    double along_u = (fabs(co) * a.w + fabs(si) * a.h) / n, along_v = (fabs(si) * a.w + fabs(co) * a.h) / m;
     double most = n > 1 && m > 1 ? fmin(along_u, along_v) : n > 1 ? along_u : along_v, found = 1;
     if (n > 1) found = fmin(found, find_step(u, &a, du, 0.3 * most, 1.15 * most, n));
     if (m > 1) found = fmin(found, find_step(v, &a, dv, 0.3 * most, 1.15 * most, m));
@@ -225,20 +239,37 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
         work_free(&a);
         return err_set(e, "expected an array of %d x %d mirror spheres, found nothing that repeats itself so; give --corners", n, m);
     }
-    double at[2], r = 0.4 * pitch;
-    find_centre(at, &a, u, v, pitch, n, m);
-    double o[2] = {at[0] * u[0] + at[1] * v[0], at[0] * u[1] + at[1] * v[1]};
-    int node[2] = {0, 0};
-    double like = best_window(node, &a, o, u, v, r, n, m);
-    double k = a.k;
-    work_free(&a);
-    if (!(like > 0.1))
-        return err_set(e, "expected an array of %d x %d mirror spheres, found none that look alike; give --corners", n, m);
-    for (int q = 0; q < 4; q++) {
-        double i = node[0] + (q == 1 || q == 2 ? n - 1 : 0), j = node[1] + (q >= 2 ? m - 1 : 0);
-        corner[q] = (sphere_seen){k * (o[0] + i * u[0] + j * v[0]), k * (o[1] + i * u[1] + j * v[1]), k * 0.5 * pitch};
+    float shared[2][CELL][CELL];
+    double at[2 * GUESSES][2], best = 0;
+    compare_cells(shared[0], shared[1], &a, u, v, pitch, n, m);
+    find_centre(at, shared[0], u, v, pitch);
+    find_centre(at + GUESSES, shared[1], u, v, pitch);
+    for (int try = 0; try < 4 * GUESSES && best < 1.0; try++) { /* each guess taken to its rims: which has most of them? */
+        int k = try % (2 * GUESSES);
+        double slack = (try < 2 * GUESSES ? 0.04 : 0.15) * a.k * pitch;
+        double o[2] = {at[k][0] * u[0] + at[k][1] * v[0], at[k][0] * u[1] + at[k][1] * v[1]};
+        int node[2] = {0, 0};
+        if (!(best_window(node, &a, o, u, v, 0.4 * pitch, n, m) > 0.1)) continue;
+        sphere_seen c[4];
+        for (int q = 0; q < 4; q++) {
+            double i = node[0] + (q == 1 || q == 2 ? n - 1 : 0), j = node[1] + (q >= 2 ? m - 1 : 0);
+            c[q] = (sphere_seen){a.k * (o[0] + i * u[0] + j * v[0]), a.k * (o[1] + i * u[1] + j * v[1]), a.k * 0.5 * pitch};
+        }
+        sphere_grid g;
+        sphere_fit fit;
+        sphere_seen *all = malloc(sizeof *all * (size_t)n * (size_t)m);
+        double quality = 0;
+        if (all && !sphere_outer_radius(c, pix, w, h, n, m, rotate, NULL) && !sphere_grid_init(&g, n, m, c, rotate, NULL)) {
+            int rc = n > 1 && m > 1 ? sphere_refine(all, &fit, &g, c, rotate, slack, pix, w, h, NULL) : 1;
+            quality = rc < 0 ? 0 : rc > 0 ? 1e-3 : (0.1 + fit.seen / ((double)n * m)) / (0.3 + fit.rms);
+            for (int q = 0; q < 4 && rc == 0; q++) c[q] = sphere_grid_at(NULL, &g, q == 1 || q == 2 ? n - 1 : 0, q >= 2 ? m - 1 : 0);
+        }
+        free(all);
+        if (quality > best) best = quality, memcpy(corner, c, sizeof c);
     }
-    return sphere_outer_radius(corner, pix, w, h, n, m, rotate, e);
+    work_free(&a);
+    if (!(best > 0)) return err_set(e, "expected an array of %d x %d mirror spheres, found none that look alike; give --corners", n, m);
+    return 0;
 }
 
 int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e)
