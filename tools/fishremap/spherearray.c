@@ -63,6 +63,7 @@ static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, con
     chart_disc(&src, box[2] - box[0], box[3] - box[1], &l, q->x - box[0], q->y - box[1], q->r, 1, turn, s->tilt_deg * DEG,
                s->tilt_to_deg * DEG);
     if (frame) memcpy(src.frame, frame, sizeof src.frame);
+    hide_camera(pix, &src, s->hide_camera_deg * DEG);
     chart_probe(&dst, s->out_w, s->out_h, polar_max);
     double t0 = cpu_seconds();
     int rc = source_prepare(&ready, pix, src.width, src.height, &src, e);
