@@ -217,7 +217,7 @@ void metal chrome
 void light glow
 0
 0
-3 90 85 70
+3 900 850 700
 glow ring lampA
 0
 0
@@ -229,19 +229,19 @@ glow ring lampB
 void spotlight spot1
 0
 0
-7 40000 38000 30000 30 -8 -10 -40
+7 6000 5700 4500 30 -8 -10 -40
 spot1 ring bulb1
 0
 0
-8 12 15 70 -8 -10 -40 0 .5
+8 12 15 70 -8 -10 -40 0 2
 void spotlight spot2
 0
 0
-7 20000 25000 40000 30 10 12 -40
+7 3000 3800 6000 30 10 12 -40
 spot2 ring bulb2
 0
 0
-8 -14 -18 70 10 12 -40 0 .5
+8 -14 -18 70 10 12 -40 0 2
 """
     return text + polygon("warm", "w1", (-a, -a, low), (-a, a, low), (-a, a, high), (-a, -a, high)) + \
         polygon("cold", "w2", (a, a, low), (a, -a, low), (a, -a, high), (a, a, high)) + \

@@ -112,8 +112,10 @@ static int through_corners(sphere_grid *g, const sphere_seen c[4], double rotate
 }
 
 /* Move the four corners, one at a time and all together, to where the rims show the most contrast; from
- * coarse to fine, the baseline shrinking with the step. */
-static void climb(sphere_grid *g, sphere_seen c[4], const float *grey, int w, int h, double coarse, double rotate)
+ * coarse to fine, the baseline shrinking with the step; no corner further than reach from where it was given
+ * (shadows of the spheres make circles as well). */
+static void climb(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], double reach, const float *grey, int w, int h,
+                  double coarse, double rotate)
 {
     for (double step = coarse; step > 0.06; step /= 2) {
         rays how = {fmax(step, 0.5), step > 0.5 ? 0.4 : 0.15, 0, -1, -1};
@@ -127,7 +129,9 @@ static void climb(sphere_grid *g, sphere_seen c[4], const float *grey, int w, in
                     memcpy(t, c, sizeof t);
                     for (int i = 0; i < 4; i++)
                         if (k == 4 || k == i) t[i].x += d == 0 ? step : d == 1 ? -step : 0, t[i].y += d == 2 ? step : d == 3 ? -step : 0;
-                    if (through_corners(&try, t, rotate)) continue;
+                    int far = 0;
+                    for (int i = 0; i < 4; i++) far |= hypot(t[i].x - given[i].x, t[i].y - given[i].y) > reach;
+                    if (far || through_corners(&try, t, rotate)) continue;
                     double q = rim_contrast(&try, grey, w, h, 1, 0, 0, how);
                     if (q > best) best = q, *g = try, memcpy(c, t, sizeof t), moved = 1;
                 }
@@ -180,7 +184,7 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_
     double mean = (c[0].r + c[1].r + c[2].r + c[3].r) / 4;
     if (through_corners(g, c, rotate)) goto done; /* a row or a column: left as it is */
     for (int it = 0; it < 3; it++) {
-        climb(g, c, grey, w, h, it ? 0.5 : slack, rotate);
+        climb(g, c, corner, 1.6 * slack, grey, w, h, it ? 0.5 : slack, rotate);
         for (int i = 0; i < 3; i++) {
             common_rim(c, g, grey, w, h);
             through_corners(g, c, rotate);
