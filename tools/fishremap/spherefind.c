@@ -54,17 +54,17 @@ static double rim_contrast(const sphere_grid *g, const float *grey, int w, int h
  * the grid's.  A mirror sphere's rim is no clean edge: reflections of reflections crowd towards it.  But
  * outside of it they end: coming from outside, the change rises to a first crest, whose half height lies
  * half a pixel beyond the rim.  0: no such crest. */
-static double common_radius(const sphere_grid *g, const float *grey, int w, int h, int quadrant)
+static double common_radius(const sphere_grid *g, const float *grey, int w, int h, int quadrant, double from, double to)
 {
     enum { STEPS = 120 };
-    const double from = 0.86, step = 0.002;
+    const double step = (to - from) / STEPS;
     double mean[STEPS + 1], low = INFINITY, high = 0, px = 0, crest = 0;
     for (int k = 0; k < 4; k++) px += g->r[k] / 4;
     for (int k = 0; k <= STEPS; k++) {
         double f = from + step * k;
         mean[k] = rim_contrast(g, grey, w, h, f, 0, 0, (rays){0.5, INFINITY, 1, -1, quadrant});
-        if (f > 0.93 && f < 1.06) high = fmax(high, mean[k]);
-        if (f > 1.02) low = fmin(low, mean[k]);
+        if (f > from + 0.3 * (to - from) && f < to - 0.15 * (to - from)) high = fmax(high, mean[k]);
+        if (f > from + 0.67 * (to - from)) low = fmin(low, mean[k]);
     }
     int k = STEPS;
     while (k > 0 && mean[k] < low + 0.2 * (high - low)) k--;
@@ -82,7 +82,7 @@ static void common_rim(sphere_seen c[4], const sphere_grid *g, const float *grey
     sphere_grid_at(&u, g, 0.5 * (g->n - 1), 0.5 * (g->m - 1));
     for (int k = 0; k < 4; k++) mean += g->r[k] / 4;
     for (int q = 0; q < 4; q++) {
-        r[q] = common_radius(g, grey, w, h, q);
+        r[q] = common_radius(g, grey, w, h, q, 0.86, 1.10);
         if (r[q] == 0) return;
         double a = -u + M_PI / 4 + M_PI / 2 * q;
         sum += r[q] / 4, dx += mean * r[q] * cos(a) / 2, dy += mean * r[q] * sin(a) / 2;
@@ -112,8 +112,10 @@ static int through_corners(sphere_grid *g, const sphere_seen c[4], double rotate
 }
 
 /* Move the four corners, one at a time and all together, to where the rims show the most contrast; from
- * coarse to fine, the baseline shrinking with the step. */
-static void climb(sphere_grid *g, sphere_seen c[4], const float *grey, int w, int h, double coarse, double rotate)
+ * coarse to fine, the baseline shrinking with the step; no corner further than reach from where it was given
+ * (shadows of the spheres make circles as well). */
+static void climb(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], double reach, const float *grey, int w, int h,
+                  double coarse, double rotate)
 {
     for (double step = coarse; step > 0.06; step /= 2) {
         rays how = {fmax(step, 0.5), step > 0.5 ? 0.4 : 0.15, 0, -1, -1};
@@ -127,7 +129,9 @@ static void climb(sphere_grid *g, sphere_seen c[4], const float *grey, int w, in
                     memcpy(t, c, sizeof t);
                     for (int i = 0; i < 4; i++)
                         if (k == 4 || k == i) t[i].x += d == 0 ? step : d == 1 ? -step : 0, t[i].y += d == 2 ? step : d == 3 ? -step : 0;
-                    if (through_corners(&try, t, rotate)) continue;
+                    int far = 0;
+                    for (int i = 0; i < 4; i++) far |= hypot(t[i].x - given[i].x, t[i].y - given[i].y) > reach;
+                    if (far || through_corners(&try, t, rotate)) continue;
                     double q = rim_contrast(&try, grey, w, h, 1, 0, 0, how);
                     if (q > best) best = q, *g = try, memcpy(c, t, sizeof t), moved = 1;
                 }
@@ -154,8 +158,22 @@ static void own_shift(double *dx, double *dy, const sphere_grid *g, const float 
     }
 }
 
-int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, const float *pix,
-                  int w, int h, errmsg *e)
+int sphere_outer_radius(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e)
+{
+    sphere_grid g = {.n = n, .m = m};
+    float *grey = circle_grey(pix, w, h);
+    if (!grey) return err_set(e, "out of memory");
+    /* a tenth less than asked for, or neighbours that touch would be found to overlap by a rounding */
+    for (int k = 0; k < 4; k++) corner[k].r *= 0.9;
+    int rc = sphere_grid_init(&g, n, m, corner, rotate, e);
+    double k = rc ? 0 : common_radius(&g, grey, w, h, -1, 0.6, 1.3);
+    free(grey);
+    for (int i = 0; i < 4; i++) corner[i].r *= k > 0 ? fmin(k, 1.11) : 1.1;
+    return rc;
+}
+
+int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double slack,
+                  const float *pix, int w, int h, errmsg *e)
 {
     int total = g->n * g->m, rc = -1;
     float *grey = circle_grey(pix, w, h);
@@ -166,7 +184,7 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_
     double mean = (c[0].r + c[1].r + c[2].r + c[3].r) / 4;
     if (through_corners(g, c, rotate)) goto done; /* a row or a column: left as it is */
     for (int it = 0; it < 3; it++) {
-        climb(g, c, grey, w, h, it ? 0.5 : fmax(3, 0.06 * mean), rotate);
+        climb(g, c, corner, 1.6 * slack, grey, w, h, it ? 0.5 : slack, rotate);
         for (int i = 0; i < 3; i++) {
             common_rim(c, g, grey, w, h);
             through_corners(g, c, rotate);
