@@ -12,7 +12,7 @@
 SHELL       := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 MAKEFLAGS   += --no-builtin-rules
-.SECONDARY:
+.PRECIOUS: %/fisheye.exr %/probe.exr
 .DEFAULT_GOAL := light_field
 
 ROOT    := $(abspath $(dir $(lastword $(MAKEFILE_LIST)))/..)

@@ -208,7 +208,7 @@ static stage_code halt(stage *s, errmsg *e)
         /* builds that give no sub-state: standing still is what counts */
         if (machine_position(s, xy, &m) && xy[0] == before[0] && xy[1] == before[1] && m.state == GRBL_HOLDING) break;
         memcpy(before, xy, sizeof before);
-        struct timespec pause = {.tv_nsec = 50000000};
+        struct timespec pause = {.tv_nsec = 200000000}; /* statuses at 5 Hz at most */
         nanosleep(&pause, NULL);
     }
     if (r == STAGE_SILENT) return r;
