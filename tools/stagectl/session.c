@@ -31,7 +31,7 @@ static int take(void *arg, const char *section, const char *key, const char *val
         errmsg why;
         return session_take(r->s, &session_keys[k], value, &why) == 0 ? 0 : err_set(e, "%s: %s", key, why.text);
     }
-    if (!known_section) return err_set(e, "expected [grid], [stage], [camera] or [output], found [%s]", section);
+    if (!known_section) return err_set(e, "expected [grid], [stage], [camera], [output] or [chain], found [%s]", section);
     return err_set(e, "unknown key '%s' in [%s] (stagectl keys lists them)", key, section);
 }
 
@@ -118,7 +118,8 @@ int session_load(session *out, const char *path, errmsg *e)
 
 void session_free(session *s)
 {
-    char **texts[] = {&s->driver, &s->port, &s->axes, &s->command, &s->labels, &s->error_text, &s->exposures_text, &s->folder, &s->file, &s->times};
+    char **texts[] = {&s->driver, &s->port, &s->axes, &s->command, &s->labels, &s->error_text, &s->exposures_text, &s->folder, &s->file, &s->times,
+                      &s->before, &s->beside, &s->hdrgen, &s->fishremap, &s->ilfpack, &s->light_field};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         free(*texts[i]);
         *texts[i] = NULL;

@@ -55,6 +55,8 @@ typedef struct session {
     /* [output] */
     char *folder, *file, *times;
     int repeat_points;
+    /* [chain] for scenes/capture.mk; nothing of it matters here */
+    char *before, *beside, *hdrgen, *fishremap, *ilfpack, *light_field;
 } session;
 
 /* Where a session stands in the plan's identity: resumed only if these are what they were. */

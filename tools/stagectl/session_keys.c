@@ -51,6 +51,12 @@ const session_key session_keys[] = {
     {"output", "file", KEY_TEXT, AT(file), 0, 0, "{i:03}_{j:03}/{k:02}.png", 1, "name of a picture in the folder; the ending is the camera's format"},
     {"output", "times", KEY_TEXT, AT(times), 0, 0, "{i:03}_{j:03}/times.txt", 1, "list of a place's pictures and times for hdrgen, written when the place is done; empty = none"},
     {"output", "repeat_points", KEY_YES_NO, AT(repeat_points), 0, 0, "no", 0, "after an interruption take a place that was not finished anew, instead of only what is missing"},
+    {"chain", "before", KEY_TEXT, AT(before), 0, 0, "", 0, "shell command run before the capture: builds a scene, say"},
+    {"chain", "beside", KEY_TEXT, AT(beside), 0, 0, "", 0, "program run beside the capture and ended after it: a virtual stage, say"},
+    {"chain", "hdrgen", KEY_TEXT, AT(hdrgen), 0, 0, "", 0, "options of hdrgen"},
+    {"chain", "fishremap", KEY_TEXT, AT(fishremap), 0, 0, "--lens equidistant --fov 185 --size 256x64", 0, "options of fishremap"},
+    {"chain", "ilfpack", KEY_TEXT, AT(ilfpack), 0, 0, "--type half", 0, "options of ilfpack"},
+    {"chain", "light_field", KEY_TEXT, AT(light_field), 0, 0, "room.ilf.exr", 0, "name of the light field in the folder"},
     {0}};
 /* clang-format on */
 
