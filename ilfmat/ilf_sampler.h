@@ -38,7 +38,7 @@ struct ilf_slice {
     int cells;       /* with light */
     uint16_t *cell;  /* ascending Morton numbers */
     float *cdf;      /* cells + 1 values from 0 to 1 */
-    float *distance; /* to the light in each cell */
+    float *near, *far; /* distances of the light in each cell */
 };
 
 struct ilf_sampler {
@@ -52,7 +52,7 @@ struct ilf_sampler {
     int64_t built;
     float (*cell_dir)[3];  /* centres of cells, by row and column */
     /* scratch of SLICE_CELLS */
-    float *weight, *probe_weight, *far, *seen;
+    float *weight, *probe_weight, *near, *far, *seen;
     int *owner;
     uint16_t *touched;
 };

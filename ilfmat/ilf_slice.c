@@ -60,6 +60,7 @@ void ilf_sampler_close(ilf_sampler *s)
     free(s->cell_dir);
     free(s->weight);
     free(s->probe_weight);
+    free(s->near);
     free(s->far);
     free(s->seen);
     free(s->owner);
@@ -74,11 +75,12 @@ static int make_scratch(ilf_sampler *s)
     s->cell_dir = malloc(SLICE_CELLS * sizeof *s->cell_dir);
     s->weight = calloc(SLICE_CELLS, sizeof *s->weight);
     s->probe_weight = calloc(SLICE_CELLS, sizeof *s->probe_weight);
+    s->near = calloc(SLICE_CELLS, sizeof *s->near);
     s->far = calloc(SLICE_CELLS, sizeof *s->far);
     s->seen = calloc(SLICE_CELLS, sizeof *s->seen);
     s->owner = calloc(SLICE_CELLS, sizeof *s->owner);
     s->touched = malloc(SLICE_CELLS * sizeof *s->touched);
-    if (!s->table || !s->cell_dir || !s->weight || !s->probe_weight || !s->far || !s->seen || !s->owner || !s->touched) return -1;
+    if (!s->table || !s->cell_dir || !s->weight || !s->probe_weight || !s->near || !s->far || !s->seen || !s->owner || !s->touched) return -1;
     for (int b = 0; b < SLICE_SIDE; b++)
         for (int a = 0; a < SLICE_SIDE; a++) {
             double d[3];
@@ -104,8 +106,10 @@ ilf_status ilf_sampler_open(ilf_sampler **sampler, const ilf *field, const ilf_f
     s->threshold = spec->threshold;
     s->cube = spec->cube;
     if (s->cube <= 0) {
-        /* the probes' pitch: below it the field does not change; a single probe has none */
-        const double pu = frame->len_u / (in->n_u > 1 ? in->n_u - 1 : 16), pv = frame->len_v / (in->n_v > 1 ? in->n_v - 1 : 16);
+        /* the probes' pitch, below which the field does not change; but small enough that a lamp moves by no more than about
+         * a cell of the map from the cube's one side to the other */
+        const int most = 24, n_u = in->n_u - 1 > most ? in->n_u - 1 : most, n_v = in->n_v - 1 > most ? in->n_v - 1 : most;
+        const double pu = frame->len_u / n_u, pv = frame->len_v / n_v;
         s->cube = sqrt(pu) * sqrt(pv);
     }
     const ilf_status st = ilf_find_patches(s, err);
@@ -192,7 +196,12 @@ static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, floa
             const float *c = s->cell_dir[k];
 
             if (c[0] * du + c[1] * dv + c[2] * dn < near) continue;
-            if (s->owner[k] == 0) s->touched[touched++] = (uint16_t)k;
+            if (s->owner[k] == 0) {
+                s->touched[touched++] = (uint16_t)k;
+                s->near[k] = s->far[k] = (float)dist;
+            }
+            s->near[k] = fminf(s->near[k], (float)dist);
+            s->far[k] = fmaxf(s->far[k], (float)dist);
             if (s->owner[k] != owner) {
                 s->owner[k] = owner;
                 s->probe_weight[k] = 0;
@@ -200,7 +209,6 @@ static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, floa
             if (value > s->probe_weight[k]) {
                 s->weight[k] += value - s->probe_weight[k];
                 s->probe_weight[k] = value;
-                s->far[k] = (float)dist;
             }
         }
     return touched;
@@ -223,17 +231,22 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
                                           ((double)key[2] + 0.5) * fr->n[c]);
     for (int t = 0; t < touched; t++) {
         const int k = s->touched[t];
-        const double far = (double)s->far[k];
-        double d[3], hit[3];
-        float rgb[3];
+        const int ends = s->spec.mode == ILF_DEPTH && s->near[k] < 0.98f * s->far[k] ? 2 : 1;
 
-        for (int c = 0; c < 3; c++) {
-            d[c] = (double)s->cell_dir[k][0] * fr->u[c] + (double)s->cell_dir[k][1] * fr->v[c] + (double)s->cell_dir[k][2] * fr->n[c];
-            hit[c] = x[c] + far * d[c];
+        for (int end = 0; end < ends; end++) {
+            const double far = (double)(end ? s->near[k] : s->far[k]);
+            double d[3], hit[3];
+            float rgb[3];
+
+            for (int c = 0; c < 3; c++) {
+                d[c] = (double)s->cell_dir[k][0] * fr->u[c] + (double)s->cell_dir[k][1] * fr->v[c] +
+                       (double)s->cell_dir[k][2] * fr->n[c];
+                hit[c] = x[c] + far * d[c];
+            }
+            const ilf_status st = ilf_eval(rgb, s->field, fr, x, d, s->spec.mode == ILF_DEPTH ? hit : x, s->spec.mode, err);
+            if (st != ILF_OK) return st;
+            s->seen[k] = fmaxf(s->seen[k], (float)(ilf_luminance(rgb) * ilf_excess_part(rgb, s->threshold)));
         }
-        const ilf_status st = ilf_eval(rgb, s->field, fr, x, d, s->spec.mode == ILF_DEPTH ? hit : x, s->spec.mode, err);
-        if (st != ILF_OK) return st;
-        s->seen[k] = (float)(ilf_luminance(rgb) * ilf_excess_part(rgb, s->threshold));
     }
     for (int t = 0; t < touched; t++) {
         const int col = s->touched[t] % SLICE_SIDE, row = s->touched[t] / SLICE_SIDE;
@@ -256,21 +269,23 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
 static ilf_slice *collect(ilf_sampler *s, int touched)
 {
     const size_t n = (size_t)touched;
-    ilf_slice *sl = malloc(sizeof *sl + (2 * n + 1) * sizeof(float) + n * sizeof(uint16_t));
+    ilf_slice *sl = malloc(sizeof *sl + (3 * n + 1) * sizeof(float) + n * sizeof(uint16_t));
     double total = 0;
 
     if (!sl) return NULL;
     memset(sl, 0, sizeof *sl);
     sl->cells = touched;
     sl->cdf = (float *)(sl + 1);
-    sl->distance = sl->cdf + n + 1;
-    sl->cell = (uint16_t *)(sl->distance + n);
+    sl->near = sl->cdf + n + 1;
+    sl->far = sl->near + n;
+    sl->cell = (uint16_t *)(sl->far + n);
     for (size_t k = 0; k < n; k++) sl->cell[k] = cell_number(s->touched[k] % SLICE_SIDE, s->touched[k] / SLICE_SIDE);
     qsort(sl->cell, n, sizeof *sl->cell, by_number);
     for (size_t k = 0; k < n; k++) {
         const int at = (int)(gather(sl->cell[k]) + gather((uint32_t)sl->cell[k] >> 1) * SLICE_SIDE);
         sl->cdf[k] = (float)total;
-        sl->distance[k] = s->far[at];
+        sl->near[k] = s->near[at];
+        sl->far[k] = s->far[at];
         total += (double)s->weight[at];
         s->weight[at] = 0;
         s->owner[at] = 0;
@@ -519,7 +534,8 @@ void ilf_sample(ilf_draw *draw, const ilf_slice *sl, double u, double v, double 
     }
     from_cell(draw->dir, cell, v, w);
     draw->pdf = density(sl, k);
-    draw->distance = k < 0 ? HUGE_VAL : (double)sl->distance[k];
+    draw->near = k < 0 ? HUGE_VAL : (double)sl->near[k];
+    draw->far = k < 0 ? HUGE_VAL : (double)sl->far[k];
     draw->bound = k < 0 ? 0 : ((double)sl->cdf[k + 1] - (double)sl->cdf[k]) * (double)sl->total;
 }
 

@@ -14,7 +14,7 @@ OFFICE_IMAGES := $(sort $(wildcard $(OFFICE)/*.jpg $(OFFICE)/*.JPG $(OFFICE)/*.j
 SCENES   := scenes/demo
 # importance samples of the light field per point (0 = the paper's literal method), and ambient
 # divisions of the pictures
-DI       ?= 0
+DI       ?= 16
 DEMO_AD  ?= $(if $(filter 0,$(DI)),512,64)
 DEMO_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 # a picture is rendered at twice its size and halved
