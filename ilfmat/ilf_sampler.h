@@ -14,6 +14,9 @@ enum { SLICE_BITS = 7, SLICE_SIDE = 1 << SLICE_BITS, SLICE_CELLS = SLICE_SIDE * 
 /* Part of the draws that goes to all directions alike, in case a patch is not where it seems. */
 #define SLICE_UNIFORM 0.02
 
+/* Part of a cell's bound that its weight keeps even where nothing is seen from the cube's centre. */
+#define SLICE_BOUND 0.05f
+
 /* A probe's bright patch: some texels whose luminance exceeds the threshold, as a ball in the plane's
  * coordinates (u, v, n; origin at probe (0,0)) around the place where their light comes from. */
 typedef struct patch {
@@ -49,7 +52,7 @@ struct ilf_sampler {
     int64_t built;
     float (*cell_dir)[3];  /* centres of cells, by row and column */
     /* scratch of SLICE_CELLS */
-    float *weight, *probe_weight, *far;
+    float *weight, *probe_weight, *far, *seen;
     int *owner;
     uint16_t *touched;
 };

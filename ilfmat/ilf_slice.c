@@ -61,6 +61,7 @@ void ilf_sampler_close(ilf_sampler *s)
     free(s->weight);
     free(s->probe_weight);
     free(s->far);
+    free(s->seen);
     free(s->owner);
     free(s->touched);
     free(s);
@@ -74,9 +75,10 @@ static int make_scratch(ilf_sampler *s)
     s->weight = calloc(SLICE_CELLS, sizeof *s->weight);
     s->probe_weight = calloc(SLICE_CELLS, sizeof *s->probe_weight);
     s->far = calloc(SLICE_CELLS, sizeof *s->far);
+    s->seen = calloc(SLICE_CELLS, sizeof *s->seen);
     s->owner = calloc(SLICE_CELLS, sizeof *s->owner);
     s->touched = malloc(SLICE_CELLS * sizeof *s->touched);
-    if (!s->table || !s->cell_dir || !s->weight || !s->probe_weight || !s->far || !s->owner || !s->touched) return -1;
+    if (!s->table || !s->cell_dir || !s->weight || !s->probe_weight || !s->far || !s->seen || !s->owner || !s->touched) return -1;
     for (int b = 0; b < SLICE_SIDE; b++)
         for (int a = 0; a < SLICE_SIDE; a++) {
             double d[3];
@@ -209,6 +211,47 @@ static int by_number(const void *a, const void *b)
     return (int)*(const uint16_t *)a - (int)*(const uint16_t *)b;
 }
 
+/* The bounds say where light may be; a look from the cube's centre at the middle of each touched cell says where it is.
+ * Neighbouring cells share what is seen (lamps move by about a cell over the cube, and are about as large). */
+static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf_error *err)
+{
+    const ilf_frame *fr = &s->frame;
+    double x[3];
+
+    for (int c = 0; c < 3; c++)
+        x[c] = fr->origin[c] + s->cube * (((double)key[0] + 0.5) * fr->u[c] + ((double)key[1] + 0.5) * fr->v[c] +
+                                          ((double)key[2] + 0.5) * fr->n[c]);
+    for (int t = 0; t < touched; t++) {
+        const int k = s->touched[t];
+        const double far = (double)s->far[k];
+        double d[3], hit[3];
+        float rgb[3];
+
+        for (int c = 0; c < 3; c++) {
+            d[c] = (double)s->cell_dir[k][0] * fr->u[c] + (double)s->cell_dir[k][1] * fr->v[c] + (double)s->cell_dir[k][2] * fr->n[c];
+            hit[c] = x[c] + far * d[c];
+        }
+        const ilf_status st = ilf_eval(rgb, s->field, fr, x, d, s->spec.mode == ILF_DEPTH ? hit : x, s->spec.mode, err);
+        if (st != ILF_OK) return st;
+        s->seen[k] = (float)(ilf_luminance(rgb) * ilf_excess_part(rgb, s->threshold));
+    }
+    for (int t = 0; t < touched; t++) {
+        const int col = s->touched[t] % SLICE_SIDE, row = s->touched[t] / SLICE_SIDE;
+        float most = 0;
+
+        for (int b = row > 0 ? row - 1 : 0; b <= row + 1 && b < SLICE_SIDE; b++)
+            for (int a = col > 0 ? col - 1 : 0; a <= col + 1 && a < SLICE_SIDE; a++)
+                most = fmaxf(most, s->seen[b * SLICE_SIDE + a]);
+        s->probe_weight[s->touched[t]] = most;
+    }
+    for (int t = 0; t < touched; t++) {
+        const int k = s->touched[t];
+        s->weight[k] = SLICE_BOUND * s->weight[k] + s->probe_weight[k];
+        s->seen[k] = 0;
+    }
+    return ILF_OK;
+}
+
 /* Turn the touched cells into a slice, and clear the scratch. */
 static ilf_slice *collect(ilf_sampler *s, int touched)
 {
@@ -238,7 +281,7 @@ static ilf_slice *collect(ilf_sampler *s, int touched)
     return sl;
 }
 
-static ilf_slice *build(ilf_sampler *s, const int64_t key[3])
+static ilf_status build(ilf_slice **slice, ilf_sampler *s, const int64_t key[3], ilf_error *err)
 {
     const double e = s->cube;
     const float x[3] = {(float)(((double)key[0] + 0.5) * e), (float)(((double)key[1] + 0.5) * e), (float)(((double)key[2] + 0.5) * e)};
@@ -249,10 +292,17 @@ static ilf_slice *build(ilf_sampler *s, const int64_t key[3])
         const float w = patch_weight(s, &s->patches.p[k], x, r);
         if (w > 0) touched = splat(s, &s->patches.p[k], x, r, w, touched);
     }
-    ilf_slice *sl = collect(s, touched);
-    if (sl) memcpy(sl->key, key, sizeof sl->key);
+    const ilf_status st = sharpen(s, touched, key, err);
+    ilf_slice *sl = collect(s, touched); /* also clears the scratch */
+    if (st != ILF_OK) {
+        free(sl);
+        return st;
+    }
+    if (!sl) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
+    memcpy(sl->key, key, sizeof sl->key);
     s->built++;
-    return sl;
+    *slice = sl;
+    return ILF_OK;
 }
 
 /* ---- finding a slice ------------------------------------------------------------------------ */
@@ -315,7 +365,8 @@ ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *s, const double poi
     if (!s->table[k]) {
         if (make_room(s) != 0) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
         k = find(s->table, s->table_size, key);
-        if (!(s->table[k] = build(s, key))) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
+        const ilf_status st = build(&s->table[k], s, key, err);
+        if (st != ILF_OK) return st;
         s->used++;
     }
     if (s->table[k]->cells) *slice = s->table[k];
