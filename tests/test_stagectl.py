@@ -226,6 +226,7 @@ def test_c4_stage(tmp_path):
     """Arrick's controller: relative half steps, no read-back; the host's count and the truth agree at the end."""
     with Stage(tmp_path, "--dialect", "c4", "--steps", "7.874016,7.874016", "--start", "12,34") as stage:
         path = session(tmp_path, stage={"driver": "c4", "origin": "10 10", "steps_per_mm": "7.874016 7.874016"})
+        assert "expected c4 as in" in run("stagectl", "--driver", "grbl", "--port", stage.port, "capture", path, code=2).err
         run("stagectl", "--port", stage.port, "capture", path)
         x, y, moving = stage.truth()
         assert not moving and abs(x - 10) <= 0.5 / 7.874 and abs(y - 110) <= 0.5 / 7.874
@@ -323,8 +324,9 @@ def test_auto_takes_what_the_scene_needs(tmp_path, lamp, wall):
     text = path.read_text().replace("exposures = 0.25 1", "auto = yes\ncircle = 0").replace(".ppm", ".pgm")
     path.write_text(text)
     with Stage(tmp_path) as stage:
-        run("stagectl", "--port", stage.port, "capture", path)
+        r = run("stagectl", "--port", stage.port, "capture", path)
     series = 2.0 ** np.arange(-14, 2)
+    assert f"{48 - len(shots(tmp_path / 'out'))} left out as not needed" in r.err
     clips, black = np.round(255 * np.minimum(1, lamp * series)) >= 0.99 * 255, np.round(255 * np.minimum(1, wall * series)) <= 0.02 * 255
     first = max([k for k in range(16) if not clips[k]], default=0)
     last = min([k for k in range(16) if not black[k]], default=15)

@@ -1,13 +1,14 @@
 """scenes/capture.mk: from a session to its light field on the virtual stage, stopped and gone on with."""
 import math
 import os
+import shutil
 import signal
 import subprocess
 import time
 
 import numpy as np
 import pytest
-from conftest import BIN, BUILD, TOP, environment, run
+from conftest import BUILD, TOP, environment, run
 from ilf_util import read_mosaic, unmosaic
 from stage_util import journal
 
@@ -18,7 +19,7 @@ PLANE = "-.15 -.1 0 .3 0 0 0 .2 0"
 @pytest.fixture
 def room(tmp_path):
     """A 2 x 2 session of the example's room at small sizes; the lamp's energy is known."""
-    missing = [p for p in NEEDED if not (BIN / p).exists()]
+    missing = [p for p in NEEDED if not shutil.which(p, path=environment()["PATH"])]
     if missing:
         pytest.skip(f"not built: {' '.join(missing)}")
     (tmp_path / "room.rad").write_text("""void light l

@@ -23,7 +23,7 @@ static struct {
     double feed, settle, home_timeout;
     double steps_per_mm[2], from[2];
     int dry_run, assume_position, have_from;
-} o = {.driver = "grbl", .feed = 1500, .settle = 0.1, .home_timeout = 120};
+} o = {.feed = 1500, .settle = 0.1, .home_timeout = 120};
 
 static int take_pair(const char *value, void *arg, errmsg *e)
 {
@@ -89,10 +89,15 @@ static _Noreturn void end_stage(stage *s, stage_code c, const errmsg *e)
     cli_fail(exit_code(c), "%s", e->text);
 }
 
+static const char *driver_name(void)
+{
+    return o.driver ? o.driver : "grbl";
+}
+
 static void open_stage(stage *s)
 {
     errmsg e;
-    const stage_driver *d = stage_driver_by_name(o.driver);
+    const stage_driver *d = stage_driver_by_name(driver_name());
     if (!d) cli_fail(CLI_USAGE, "--driver: expected grbl or c4, found '%s'", o.driver);
     if (!o.port) cli_fail(CLI_USAGE, "expected --port DEV: ports that you don't name are not touched");
     s->home_timeout_s = o.home_timeout;
@@ -109,7 +114,7 @@ static int do_home(void)
     char state[32];
     stage s = {.note = note};
     if (o.dry_run) {
-        printf("would home the stage on %s (%s)\n", o.port ? o.port : "the port", o.driver);
+        printf("would home the stage on %s (%s)\n", o.port ? o.port : "the port", driver_name());
         return CLI_OK;
     }
     open_stage(&s);
@@ -289,11 +294,14 @@ static int do_capture(const char *path)
     load(&s, path);
     if (o.dry_run) {
         dry_capture(&s);
+        session_free(&s);
         return CLI_OK;
     }
     stage st = {.note = note};
     capture_run r = {.s = &s, .stage = &st, .port = o.port ? o.port : s.port, .assume_position = o.assume_position,
                      .say = warn, .progress = progress};
+    if (o.driver && strcmp(o.driver, s.driver) != 0)
+        cli_fail(CLI_USAGE, "--driver: expected %s as in %s, found '%s'", s.driver, path, o.driver);
     if (!r.port[0]) cli_fail(CLI_USAGE, "expected --port DEV, or port in [stage] of %s", path);
     char inside[4096];
     if (files_join(inside, sizeof inside, s.folder, "journal", &e) != 0 || files_make_parents(inside, &e) != 0)
@@ -309,8 +317,9 @@ static int do_capture(const char *path)
     stage_code c = capture_all(&r, &e);
     if (isatty(STDERR_FILENO) && !cli_quiet) fputs("\n", stderr);
     if (c == STAGE_OK)
-        cli_note("%ld places, %ld exposures on disk (%ld taken now%s)", r.now.places_done, journal_shots(j), r.shots_taken,
-                 s.adaptive ? ", auto left the others out" : "");
+        cli_note(s.adaptive ? "%ld places, %ld exposures on disk (%ld taken now, %ld left out as not needed)"
+                            : "%ld places, %ld exposures on disk (%ld taken now)",
+                 r.now.places_done, journal_shots(j), r.shots_taken, r.shots_left_out);
     journal_close(j);
     if (c != STAGE_OK) cli_fail(exit_code(c), "%s", e.text);
     session_free(&s);
