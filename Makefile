@@ -139,10 +139,11 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
+-include tests/bench.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
-$(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON)
+$(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
 

@@ -46,7 +46,7 @@
  */
 
 #ifndef ILFCAND
-#define  ILFCAND		2		/* candidates per shadow ray */
+#define  ILFCAND		4		/* candidates per shadow ray */
 #endif
 #define  ILFMINCAND	8		/* but at least this many */
 #define  ILFHIST		48		/* tests before we believe history */

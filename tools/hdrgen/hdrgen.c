@@ -258,12 +258,12 @@ int main(int argc, char **argv)
         cli_fail(CLI_FAILED, "%s", e.text);
     if (set.verbose)
         report(&j);
-    if (set.job.refine_times)
-        report_times(&j);
-    summary(&j);
     if ((set.save_response && response_save(&j.response, set.save_response, &e)) ||
         (set.plot && plot_response(&j, set.plot, &e)) || output_write(&j, &set.out, &used, &e))
         cli_fail(CLI_FAILED, "%s", e.text);
+    if (set.job.refine_times)
+        report_times(&j);
+    summary(&j);
     if (used != set.out.type)
         cli_note("%s: values beyond what half can hold: float written", set.out.path);
     free(j.shots);

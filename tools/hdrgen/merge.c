@@ -112,6 +112,7 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
                     break;
             }
             sd = info > 1 ? x / sqrtf(info) : x;
+            used = used ? used : 1; /* all are weak, together they say something */
         }
         row->radiance[to] = x;
         if (row->sigma)

@@ -48,6 +48,21 @@ static void last_words(char out[200], int fd, off_t from)
     snprintf(out, 200, "%.*s", n > start ? (int)(n - start) : 0, buf + start);
 }
 
+/* Does the log hold the text after byte `from`?  Read in pieces that overlap. */
+static int said(int fd, off_t from, const char *text)
+{
+    char buf[8192];
+    size_t len = strlen(text), kept = 0;
+    if (len == 0 || len >= sizeof buf / 2) return 0;
+    for (ssize_t n; (n = pread(fd, buf + kept, sizeof buf - kept, from)) > 0; from += n) {
+        size_t have = kept + (size_t)n;
+        if (memmem(buf, have, text, len)) return 1;
+        kept = have < len ? have : len - 1;
+        memmove(buf, buf + have - kept, kept);
+    }
+    return 0;
+}
+
 /* Wait until the process has ended (not reaped yet), an interrupt, or the deadline: 1, -1, 0. */
 static int wait_end(int pidfd, double deadline, int heed_interrupt)
 {
@@ -119,6 +134,8 @@ camera_result camera_run(const argwords *argv, const camera_limits *l, errmsg *e
         err_set(e, "camera: ended by signal %d%s%s", WTERMSIG(status), words[0] ? ": " : "", words);
     else if (WEXITSTATUS(status) != 0)
         err_set(e, "camera: exit code %d%s%s", WEXITSTATUS(status), words[0] ? ": " : "", words);
+    else if (said(l->log_fd, log_from, l->error_text))
+        err_set(e, "camera: it said '%s': %s", l->error_text, words);
     else
         return CAMERA_OK;
     return CAMERA_FAILED;

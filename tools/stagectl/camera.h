@@ -14,6 +14,7 @@ typedef enum camera_result {
 
 typedef struct camera_limits {
     double timeout_s, kill_after_s;
+    const char *error_text; /* in the output: failure; "" = none */
     int log_fd;  /* gets what the command writes; opened for reading too, to quote its last line */
     int lock_fd; /* stays open in the command: whoever finds it locked knows that a camera still runs.  -1: none */
 } camera_limits;

@@ -74,7 +74,9 @@ int name_command(argwords *argv, const session *s, const place *p, const double 
     number(x[6], s->exposure[k]);
     int bad = word ? 0 : err_set(e, "out of memory");
     if (!bad && s->shell && quote(quoted, sizeof quoted, file) != 0) bad = err_set(e, "%s: the name is too long", file);
-    const template_var v[] = {{"file", s->shell ? quoted : file, 0}, {"seconds", x[6], 0}, {"x", x[0], 0}, {"y", x[1], 0},
+    argwords labels = {0};
+    if (!bad) bad = argwords_split(&labels, s->labels, e);
+    const template_var v[] = {{"label", labels.n > k ? labels.word[k] : "", 0}, {"file", s->shell ? quoted : file, 0}, {"seconds", x[6], 0}, {"x", x[0], 0}, {"y", x[1], 0},
                               {"ax", x[2], 0}, {"ay", x[3], 0}, {"mx", x[4], 0}, {"my", x[5], 0},
                               {"i", NULL, p->i}, {"j", NULL, p->j}, {"k", NULL, k}, {0}};
     whole.word = one;
@@ -109,6 +111,7 @@ int name_command(argwords *argv, const session *s, const place *p, const double 
         }
     }
     argwords_free(&split);
+    argwords_free(&labels);
     free(word);
     return bad;
 }

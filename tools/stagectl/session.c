@@ -31,7 +31,7 @@ static int take(void *arg, const char *section, const char *key, const char *val
         errmsg why;
         return session_take(r->s, &session_keys[k], value, &why) == 0 ? 0 : err_set(e, "%s: %s", key, why.text);
     }
-    if (!known_section) return err_set(e, "expected [grid], [stage], [camera] or [output], found [%s]", section);
+    if (!known_section) return err_set(e, "expected [grid], [stage], [camera], [output] or [chain], found [%s]", section);
     return err_set(e, "unknown key '%s' in [%s] (stagectl keys lists them)", key, section);
 }
 
@@ -80,6 +80,12 @@ static int check(const session *s, errmsg *e)
     int empty = words.n == 0;
     argwords_free(&words);
     if (empty) return err_set(e, "[camera] command: expected a program");
+    if (argwords_split(&words, s->labels, e) != 0) return -1;
+    int labels = words.n;
+    argwords_free(&words);
+    if (labels != 0 && labels != s->exposures)
+        return err_set(e, "[camera] labels: expected %d, one for each exposure, found %d", s->exposures, labels);
+    if (labels == 0 && strstr(s->command, "{label}")) return err_set(e, "[camera] labels: expected them for {label}");
     if (!strstr(s->command, "{file}")) return err_set(e, "[camera] command: expected {file} in it");
     /* Names are tried on two nodes: each exposure of each place needs a name of its own. */
     return names_check(s, e);
@@ -112,7 +118,8 @@ int session_load(session *out, const char *path, errmsg *e)
 
 void session_free(session *s)
 {
-    char **texts[] = {&s->driver, &s->port, &s->axes, &s->command, &s->exposures_text, &s->folder, &s->file, &s->times};
+    char **texts[] = {&s->driver, &s->port, &s->axes, &s->command, &s->labels, &s->error_text, &s->exposures_text, &s->folder, &s->file, &s->times,
+                      &s->before, &s->beside, &s->hdrgen, &s->fishremap, &s->ilfpack, &s->light_field};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         free(*texts[i]);
         *texts[i] = NULL;

@@ -37,6 +37,8 @@ typedef struct session {
     /* [camera] */
     char *command;
     int shell;
+    char *labels;          /* a word for each exposure, {label}; "" = none */
+    char *error_text;      /* in the command's output it means failure; "" = none */
     double timeout;        /* s beyond the exposure */
     double kill_after;     /* s from TERM to KILL */
     int retries;
@@ -53,6 +55,8 @@ typedef struct session {
     /* [output] */
     char *folder, *file, *times;
     int repeat_points;
+    /* [chain] for scenes/capture.mk; nothing of it matters here */
+    char *before, *beside, *hdrgen, *fishremap, *ilfpack, *light_field;
 } session;
 
 /* Where a session stands in the plan's identity: resumed only if these are what they were. */

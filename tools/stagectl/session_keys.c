@@ -30,7 +30,9 @@ const session_key session_keys[] = {
     {"stage", "steps_per_mm", KEY_NUMBERS2, AT(steps_per_mm), 0, 1e6, "0 0", 1, "steps per mm of x and y where the controller can't say (c4); 0 0 = as the controller says"},
     {"stage", "home_timeout", KEY_NUMBER, AT(home_timeout), 1, 3600, "120", 0, "longest time that homing may take, s"},
     {"stage", "acceleration", KEY_NUMBER, AT(acceleration), 0, 1e6, "0", 0, "for the plan's times, mm/s2; 0 = as the controller says"},
-    {"camera", "command", KEY_TEXT, AT(command), 0, 0, NULL, 1, "run for each exposure; {file} {seconds} {i} {j} {k} {x} {y} {ax} {ay} {mx} {my}"},
+    {"camera", "command", KEY_TEXT, AT(command), 0, 0, NULL, 1, "run for each exposure; {file} {seconds} {label} {i} {j} {k} {x} {y} {ax} {ay} {mx} {my}"},
+    {"camera", "labels", KEY_TEXT, AT(labels), 0, 0, "", 1, "a word for each exposure, {label} in the command: what the camera calls it"},
+    {"camera", "error_text", KEY_TEXT, AT(error_text), 0, 0, "", 0, "text that means failure when the command prints it, whatever its exit code"},
     {"camera", "shell", KEY_YES_NO, AT(shell), 0, 0, "no", 1, "give the command to sh -c instead of running its words"},
     {"camera", "timeout", KEY_NUMBER, AT(timeout), 0.1, 86400, "30", 0, "longest time beyond the exposure itself, s"},
     {"camera", "kill_after", KEY_NUMBER, AT(kill_after), 0, 3600, "5", 0, "from asking an overdue camera to end (TERM) to ending it (KILL), s"},
@@ -49,6 +51,12 @@ const session_key session_keys[] = {
     {"output", "file", KEY_TEXT, AT(file), 0, 0, "{i:03}_{j:03}/{k:02}.png", 1, "name of a picture in the folder; the ending is the camera's format"},
     {"output", "times", KEY_TEXT, AT(times), 0, 0, "{i:03}_{j:03}/times.txt", 1, "list of a place's pictures and times for hdrgen, written when the place is done; empty = none"},
     {"output", "repeat_points", KEY_YES_NO, AT(repeat_points), 0, 0, "no", 0, "after an interruption take a place that was not finished anew, instead of only what is missing"},
+    {"chain", "before", KEY_TEXT, AT(before), 0, 0, "", 0, "shell command run before the capture: builds a scene, say"},
+    {"chain", "beside", KEY_TEXT, AT(beside), 0, 0, "", 0, "program run beside the capture and ended after it: a virtual stage, say"},
+    {"chain", "hdrgen", KEY_TEXT, AT(hdrgen), 0, 0, "", 0, "options of hdrgen"},
+    {"chain", "fishremap", KEY_TEXT, AT(fishremap), 0, 0, "--lens equidistant --fov 185 --size 256x64", 0, "options of fishremap"},
+    {"chain", "ilfpack", KEY_TEXT, AT(ilfpack), 0, 0, "--type half", 0, "options of ilfpack"},
+    {"chain", "light_field", KEY_TEXT, AT(light_field), 0, 0, "room.ilf.exr", 0, "name of the light field in the folder"},
     {0}};
 /* clang-format on */
 

@@ -55,7 +55,7 @@ static stage_code expose(capture_run *r, journal_shot *t, const place *p, const 
     const session *s = r->s;
     argwords argv;
     if (name_command(&argv, s, p, arrived, k, path, e) != 0) return STAGE_FAILED;
-    const camera_limits l = {s->exposure[k] + s->timeout, s->kill_after, r->log_fd, r->camera_lock_fd};
+    const camera_limits l = {s->exposure[k] + s->timeout, s->kill_after, s->error_text, r->log_fd, r->camera_lock_fd};
     camera_result c = camera_run(&argv, &l, e);
     argwords_free(&argv);
     if (c == CAMERA_INTERRUPTED) return STAGE_INTERRUPTED;

@@ -46,12 +46,19 @@ static const cli_opt opts[] = {
 
 static const cli_prog prog = {
     .name = "stagectl",
-    .operands = "home | move X Y | where | status | plan FILE | capture FILE | resume FILE | verify FILE | keys",
+    .operands = "COMMAND [ARGUMENT]...",
     .summary = "Move a camera over a grid and take its exposures, whatever happens.",
     .opts = opts,
-    .epilog = "FILE is a session file (stagectl keys lists what may stand in it).  Positions are machine mm.\n"
-              "Exit codes: 0 done, 1 failed, 2 usage, 3 stage silent or unplugged, 4 stage refused,\n"
-              "130 interrupted after the stage was told to hold."};
+    .epilog = "Commands:\n"
+              "  home, move X Y        the stage; positions are machine mm\n"
+              "  where, status         where it stands; what it is\n"
+              "  plan SESSION          moves, times, space, travel; no hardware\n"
+              "  capture SESSION       take what is not taken yet (resume SESSION: the same)\n"
+              "  verify SESSION        compare all files with the journal\n"
+              "  keys                  what may stand in a session file, with defaults\n"
+              "  get SESSION S.KEY     one value of it; list SESSION: lists of times, i fastest\n\n"
+              "Exit codes: 0 done, 1 failed, 2 usage, 3 stage silent or unplugged, 4 stage\n"
+              "refused, 130 interrupted after the stage was told to hold."};
 
 static void note(const char *words)
 {
@@ -328,6 +335,44 @@ static int do_verify(const char *path)
     return whole ? CLI_OK : CLI_FAILED;
 }
 
+/* One value, as a script wants it. */
+static int do_get(const char *path, const char *what)
+{
+    session s;
+    char value[4096];
+    load(&s, path);
+    for (const session_key *k = session_keys; k->name; k++) {
+        size_t n = strlen(k->section);
+        if (strncmp(what, k->section, n) != 0 || what[n] != '.' || strcmp(what + n + 1, k->name) != 0) continue;
+        session_value(value, sizeof value, &s, k);
+        printf("%s\n", value);
+        session_free(&s);
+        return CLI_OK;
+    }
+    cli_fail(CLI_USAGE, "get: expected SECTION.KEY, found '%s'", what);
+}
+
+/* The list of times of each place, i fastest: what stands beside it is made from it (scenes/capture.mk). */
+static int do_list(const char *path)
+{
+    session s;
+    char times[NAME_ROOM], picture[NAME_ROOM];
+    errmsg e;
+    load(&s, path);
+    for (int j = 0; j < s.nodes[1]; j++)
+        for (int i = 0; i < s.nodes[0]; i++) {
+            if (name_times(times, &s, i, j, &e) != 0 || name_picture(picture, &s, i, j, 0, &e) != 0)
+                cli_fail(CLI_FAILED, "%s: %s", path, e.text);
+            const char *a = strrchr(times, '/'), *b = strrchr(picture, '/');
+            if (!a || !b || a - times != b - picture || strncmp(times, picture, (size_t)(a - times)) != 0)
+                cli_fail(CLI_FAILED, "%s: expected [output] times in the folder of its place's pictures, found '%s' and '%s'", path,
+                         times, picture);
+            printf("%s/%s\n", s.folder, times);
+        }
+    session_free(&s);
+    return CLI_OK;
+}
+
 static int do_keys(void)
 {
     const char *section = "";
@@ -352,7 +397,10 @@ int main(int argc, char **argv)
     else if (!strcmp(what, "plan") && n == 2) code = do_plan(argv[2]);
     else if ((!strcmp(what, "capture") || !strcmp(what, "resume")) && n == 2) code = do_capture(argv[2]);
     else if (!strcmp(what, "verify") && n == 2) code = do_verify(argv[2]);
+    else if (!strcmp(what, "get") && n == 3) code = do_get(argv[2], argv[3]);
+    else if (!strcmp(what, "list") && n == 2) code = do_list(argv[2]);
     else if (!strcmp(what, "keys") && n == 1) code = do_keys();
-    if (code < 0) cli_fail(CLI_USAGE, "expected %s", prog.operands);
+    if (code < 0 && n == 0) cli_fail(CLI_USAGE, "expected a command: home, move, where, status, plan, capture, verify, keys");
+    if (code < 0) cli_fail(CLI_USAGE, "expected a command with its arguments, found '%s' with %d", what, n - 1);
     return cli_end(code);
 }

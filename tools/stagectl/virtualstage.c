@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <termios.h>
@@ -27,7 +28,7 @@
 static struct {
     const char *dialect, *link, *truth, *fault, *startup;
     double factor, travel[2], steps[2], rate, acceleration, home_rate, start[2], offset[2], late_ok, boot;
-    int inches, work, no_homing, hard, no_soft, split, noise, skip_status, c4, home_direction, reset_ok, deaf;
+    int inches, work, no_homing, hard, no_soft, with_parent, split, noise, skip_status, c4, home_direction, reset_ok, deaf;
 } o = {.dialect = "grbl", .factor = 1, .travel = {800, 800}, .steps = {80, 80}, .rate = 6000, .acceleration = 200, .home_rate = 1500,
        .start = {-123.4, -234.5}};
 
@@ -62,6 +63,7 @@ static const cli_opt opts[] = {
     {"deaf", 0, CLI_FLAG, &o.deaf, NULL, NULL, "never answer anything"},
     {"split", 0, CLI_FLAG, &o.split, NULL, NULL, "hand out single bytes, 1 ms apart"},
     {"noise", 0, CLI_FLAG, &o.noise, NULL, NULL, "bytes of noise and lines of nonsense between the lines"},
+    {"with-parent", 0, CLI_FLAG, &o.with_parent, NULL, NULL, "end when the process that started it ends"},
     {"fault", 0, CLI_STRING, &o.fault, NULL, "KIND@N", "in move N: alarm1 alarm3 error9 reboot silence unplug slip"},
     {0}};
 
@@ -272,6 +274,7 @@ int main(int argc, char **argv)
     struct sigaction a = {.sa_handler = on_end};
     sigaction(SIGTERM, &a, NULL);
     sigaction(SIGINT, &a, NULL);
+    if (o.with_parent) prctl(PR_SET_PDEATHSIG, SIGTERM);
     start_controller();
     open_truth();
     open_line();
