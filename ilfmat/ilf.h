@@ -181,7 +181,7 @@ ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *sampler, const doub
 /* A lamp: bright patches that lie together as seen from somewhere. */
 typedef struct ilf_lamp {
     double position[3]; /* frame's coordinates; very far for light at infinity */
-    double radius;      /* of a ball that holds it */
+    double radius;      /* about that of a ball that holds it; patches half on a thing behind it don't count */
     double excess;      /* its largest luminance over the threshold */
 } ilf_lamp;
 

@@ -394,7 +394,8 @@ ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *s, const double poi
 typedef struct cluster {
     float dir[3];       /* towards the first patch */
     double sum[3], n;   /* mean position */
-    double radius, excess;
+    double away, ball;  /* sum of distances from it; smallest patch's ball */
+    double excess;
 } cluster;
 
 enum { MAX_CLUSTERS = 64 };
@@ -407,7 +408,7 @@ static int by_excess(const void *a, const void *b)
     return (x < y) - (x > y);
 }
 
-/* Gather the patches that the ball sees into c; two rounds, so that radii are about the means. */
+/* Gather the patches that the ball sees into c; two rounds, so that distances are from the means. */
 static int gather_lamps(cluster *c, const ilf_sampler *s, const float x[3], float r)
 {
     int n = 0;
@@ -434,7 +435,8 @@ static int gather_lamps(cluster *c, const ilf_sampler *s, const float x[3], floa
             } else if (m < n) {
                 const double a = (double)p->u - c[m].sum[0] / c[m].n, b = (double)p->v - c[m].sum[1] / c[m].n,
                              e = (double)p->n - c[m].sum[2] / c[m].n;
-                c[m].radius = fmax(c[m].radius, sqrt(a * a + b * b + e * e) + (double)p->radius);
+                c[m].away += sqrt(a * a + b * b + e * e);
+                c[m].ball = c[m].ball > 0 ? fmin(c[m].ball, (double)p->radius) : (double)p->radius;
             }
         }
     return n;
@@ -459,7 +461,7 @@ ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *s, 
     for (int k = 0; k < *n; k++) {
         for (int a = 0; a < 3; a++)
             lamps[k].position[a] = fr->origin[a] + (c[k].sum[0] * fr->u[a] + c[k].sum[1] * fr->v[a] + c[k].sum[2] * fr->n[a]) / c[k].n;
-        lamps[k].radius = c[k].radius;
+        lamps[k].radius = 1.5 * (c[k].away / c[k].n + c[k].ball); /* of a disc, the mean distance is 2/3 of the radius */
         lamps[k].excess = c[k].excess;
     }
     free(c);
