@@ -21,34 +21,6 @@
 
 enum { TABLE_START = 1 << 10, MAX_CUBES = 1 << 18 };
 
-/* ---- numbering of cells --------------------------------------------------------------------- */
-
-/* Every second bit, and back. */
-static uint32_t spread(uint32_t x)
-{
-    x = (x | x << 4) & 0x0f0fu;
-    x = (x | x << 2) & 0x3333u;
-    return (x | x << 1) & 0x5555u;
-}
-
-static uint32_t gather(uint32_t x)
-{
-    x &= 0x5555u;
-    x = (x | x >> 1) & 0x3333u;
-    x = (x | x >> 2) & 0x0f0fu;
-    return (x | x >> 4) & 0x00ffu;
-}
-
-static uint16_t cell_number(int a, int b)
-{
-    return (uint16_t)(spread((uint32_t)a) | spread((uint32_t)b) << 1);
-}
-
-static int clamp_cell(double x)
-{
-    return x < 0 ? 0 : x >= SLICE_SIDE ? SLICE_SIDE - 1 : (int)x;
-}
-
 /* ---- sampler -------------------------------------------------------------------------------- */
 
 void ilf_sampler_close(ilf_sampler *s)
@@ -150,8 +122,8 @@ static float tent(float lo, float hi, int k, int n)
     return off < 1 ? 1 - off : 0;
 }
 
-/* Weight that patch p has in the cube of half edge r around x, and its cone from there; 0 if none. */
-static float patch_weight(const ilf_sampler *s, const patch *p, const float x[3], float r)
+/* See ilf_sampler.h; the drawing above. */
+float ilf_patch_weight(const ilf_sampler *s, const patch *p, const float x[3], float r)
 {
     const ilf_info *in = &s->field->info;
     const float up = p->n - x[2], slack = r + p->radius;
@@ -304,7 +276,7 @@ static ilf_status build(ilf_slice **slice, ilf_sampler *s, const int64_t key[3],
     int touched = 0;
 
     for (size_t k = 0; k < s->patches.n; k++) {
-        const float w = patch_weight(s, &s->patches.p[k], x, r);
+        const float w = ilf_patch_weight(s, &s->patches.p[k], x, r);
         if (w > 0) touched = splat(s, &s->patches.p[k], x, r, w, touched);
     }
     const ilf_status st = sharpen(s, touched, key, err);
@@ -386,178 +358,4 @@ ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *s, const double poi
     }
     if (s->table[k]->cells) *slice = s->table[k];
     return ILF_OK;
-}
-
-/* ---- lamps ---------------------------------------------------------------------------------- */
-
-/* A lamp being gathered: patches within a few degrees of its first one, as seen from x. */
-typedef struct cluster {
-    float dir[3];       /* towards the first patch */
-    double sum[3], n;   /* mean position */
-    double away, ball;  /* sum of distances from it; smallest patch's ball */
-    double excess;
-} cluster;
-
-enum { MAX_CLUSTERS = 64 };
-#define CLUSTER_COS 0.9962f /* 5 degrees */
-
-static int by_excess(const void *a, const void *b)
-{
-    const double x = ((const cluster *)a)->excess, y = ((const cluster *)b)->excess;
-
-    return (x < y) - (x > y);
-}
-
-/* Gather the patches that the ball sees into c; two rounds, so that distances are from the means. */
-static int gather_lamps(cluster *c, const ilf_sampler *s, const float x[3], float r)
-{
-    int n = 0;
-
-    for (int round = 0; round < 2; round++)
-        for (size_t k = 0; k < s->patches.n; k++) {
-            const patch *p = &s->patches.p[k];
-            const float d[3] = {p->u - x[0], p->v - x[1], p->n - x[2]};
-            const float len = sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-            int m = 0;
-
-            if (patch_weight(s, p, x, r) <= 0 || len <= 0) continue;
-            while (m < n && (d[0] * c[m].dir[0] + d[1] * c[m].dir[1] + d[2] * c[m].dir[2]) < CLUSTER_COS * len) m++;
-            if (round == 0) {
-                if (m == MAX_CLUSTERS) continue;
-                if (m == n) {
-                    memset(&c[n], 0, sizeof c[n]);
-                    for (int a = 0; a < 3; a++) c[n].dir[a] = d[a] / len;
-                    n++;
-                }
-                c[m].sum[0] += (double)p->u, c[m].sum[1] += (double)p->v, c[m].sum[2] += (double)p->n;
-                c[m].n++;
-                c[m].excess = fmax(c[m].excess, (double)p->excess);
-            } else if (m < n) {
-                const double a = (double)p->u - c[m].sum[0] / c[m].n, b = (double)p->v - c[m].sum[1] / c[m].n,
-                             e = (double)p->n - c[m].sum[2] / c[m].n;
-                c[m].away += sqrt(a * a + b * b + e * e);
-                c[m].ball = c[m].ball > 0 ? fmin(c[m].ball, (double)p->radius) : (double)p->radius;
-            }
-        }
-    return n;
-}
-
-ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *s, const double centre[3], double radius,
-                             ilf_error *err)
-{
-    const ilf_frame *fr = &s->frame;
-    cluster *c = malloc(MAX_CLUSTERS * sizeof *c);
-    float x[3];
-
-    if (!c) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for its lamps", s->field->path);
-    for (int a = 0; a < 3; a++) {
-        const double *axis = a == 0 ? fr->u : a == 1 ? fr->v : fr->n;
-        x[a] = (float)((centre[0] - fr->origin[0]) * axis[0] + (centre[1] - fr->origin[1]) * axis[1] +
-                       (centre[2] - fr->origin[2]) * axis[2]);
-    }
-    const int found = gather_lamps(c, s, x, (float)radius);
-    qsort(c, (size_t)found, sizeof *c, by_excess);
-    *n = found < most ? found : most;
-    for (int k = 0; k < *n; k++) {
-        for (int a = 0; a < 3; a++)
-            lamps[k].position[a] = fr->origin[a] + (c[k].sum[0] * fr->u[a] + c[k].sum[1] * fr->v[a] + c[k].sum[2] * fr->n[a]) / c[k].n;
-        lamps[k].radius = 1.5 * (c[k].away / c[k].n + c[k].ball); /* of a disc, the mean distance is 2/3 of the radius */
-        lamps[k].excess = c[k].excess;
-    }
-    free(c);
-    return ILF_OK;
-}
-
-/* ---- drawing -------------------------------------------------------------------------------- */
-
-static void from_cell(double d[3], int number, double v, double w)
-{
-    const double a = (double)gather((uint32_t)number) + v, b = (double)gather((uint32_t)number >> 1) + w;
-
-    ilf_square_to_hemi(d, a * 2 / SLICE_SIDE - 1, b * 2 / SLICE_SIDE - 1);
-}
-
-static int cell_of(const double d[3])
-{
-    double a, b;
-
-    ilf_hemi_to_square(&a, &b, d);
-    return cell_number(clamp_cell((a + 1) * (SLICE_SIDE / 2)), clamp_cell((b + 1) * (SLICE_SIDE / 2)));
-}
-
-/* Last k with cdf[k] <= u. */
-static int search_cdf(const ilf_slice *sl, double u)
-{
-    int lo = 0, hi = sl->cells;
-
-    while (hi - lo > 1) {
-        const int mid = (lo + hi) / 2;
-        if ((double)sl->cdf[mid] <= u)
-            lo = mid;
-        else
-            hi = mid;
-    }
-    return lo;
-}
-
-/* Index of a cell in the slice, or -1. */
-static int search_cell(const ilf_slice *sl, int number)
-{
-    int lo = 0, hi = sl->cells;
-
-    while (lo < hi) {
-        const int mid = (lo + hi) / 2;
-        if (sl->cell[mid] < number)
-            lo = mid + 1;
-        else
-            hi = mid;
-    }
-    return lo < sl->cells && sl->cell[lo] == number ? lo : -1;
-}
-
-static double density(const ilf_slice *sl, int k)
-{
-    const double map = k < 0 ? 0 : ((double)sl->cdf[k + 1] - (double)sl->cdf[k]) / SLICE_OMEGA;
-
-    return SLICE_UNIFORM / (2 * ILF_PI) + (1 - SLICE_UNIFORM) * map;
-}
-
-void ilf_sample(ilf_draw *draw, const ilf_slice *sl, double u, double v, double w)
-{
-    int cell, k;
-
-    if (u < SLICE_UNIFORM) {
-        cell = (int)(u / SLICE_UNIFORM * SLICE_CELLS);
-        if (cell >= SLICE_CELLS) cell = SLICE_CELLS - 1;
-        k = search_cell(sl, cell);
-    } else {
-        k = search_cdf(sl, (u - SLICE_UNIFORM) / (1 - SLICE_UNIFORM));
-        cell = sl->cell[k];
-    }
-    from_cell(draw->dir, cell, v, w);
-    draw->pdf = density(sl, k);
-    draw->near = k < 0 ? HUGE_VAL : (double)sl->near[k];
-    draw->far = k < 0 ? HUGE_VAL : (double)sl->far[k];
-    draw->bound = k < 0 ? 0 : ((double)sl->cdf[k + 1] - (double)sl->cdf[k]) * (double)sl->total;
-}
-
-double ilf_pdf(const ilf_slice *sl, const double dir[3])
-{
-    const double len = sqrt(dir[0] * dir[0] + dir[1] * dir[1] + dir[2] * dir[2]);
-
-    if (!(len > 0) || dir[2] <= 0) return 0;
-    const double d[3] = {dir[0] / len, dir[1] / len, dir[2] / len};
-    return density(sl, search_cell(sl, cell_of(d)));
-}
-
-void ilf_slice_record(ilf_slice *sl, double visible, double tests)
-{
-    sl->visible += (float)visible;
-    sl->tests += (float)tests;
-}
-
-void ilf_slice_history(const ilf_slice *sl, double *visible, double *tests)
-{
-    *visible = (double)sl->visible;
-    *tests = (double)sl->tests;
 }
