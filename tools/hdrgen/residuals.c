@@ -14,7 +14,7 @@
 
 enum { CELLS = 96, MIN_IN_NOISE = 30 };
 
-static const double dark_sigmas = 3;     /* active from e = 3 sigma: no black clipping */
+static const double dark_sigmas = 1.5;   /* active from e = 1.5 sigma */
 static const double bright_sigmas = 3.5; /* ... to 3.5 sigma under the clipped code */
 static const double outlier_sigmas = 4;
 
@@ -34,6 +34,7 @@ void channel_free(channel *h)
     free(h->x);
     free(h->w);
     free(h->limit);
+    free(h->shift);
     free(h->rt);
     free(h->y);
     free(h->cell);
@@ -51,10 +52,11 @@ int channel_alloc(channel *h, const samples *s, int c)
     h->x = calloc((size_t)h->n + 1, sizeof *h->x);
     h->w = calloc(cells, sizeof *h->w);
     h->limit = calloc(cells, sizeof *h->limit);
+    h->shift = calloc(cells, sizeof *h->shift);
     h->rt = calloc((size_t)h->kk, sizeof *h->rt);
     h->y = calloc((size_t)s->max_code + 1, sizeof *h->y);
     h->cell = calloc(cells, sizeof *h->cell);
-    return h->x && h->w && h->limit && h->rt && h->y && h->cell ? 0 : -1;
+    return h->x && h->w && h->limit && h->shift && h->rt && h->y && h->cell ? 0 : -1;
 }
 
 void channel_prepare(channel *h, const response *r, const noise_model *m, const double *lnt)
@@ -88,6 +90,8 @@ void channel_prepare(channel *h, const response *r, const noise_model *m, const 
             h->w[b * h->kk + k] = (float)w;
             if (!(w > 0))
                 continue;
+            double a = sqrt(w); /* e in sigmas; E[max(n, 0)] for a normal n, less e, over e */
+            h->shift[b * h->kk + k] = (float)(exp(-0.5 * a * a) / (sqrt(2 * M_PI) * a) - 0.5 * erfc(a * M_SQRT1_2));
             h->limit[b * h->kk + k] = (float)(outlier_sigmas * sqrt(h->slack / w));
             h->first[b] = k < h->first[b] ? k : h->first[b];
             h->last[b] = k + 1;
@@ -131,11 +135,11 @@ void channel_gather(channel *h)
             continue;
         const uint16_t *z = h->s->z[h->c] + (size_t)i * (size_t)kk;
         int b = bin_of(h, h->x[i]);
-        const float *w = h->w + b * kk;
+        const float *w = h->w + b * kk, *shift = h->shift + b * kk;
         float num = 0, den = 0, dark = pedestal(h, i);
         for (int k = h->first[b]; k < h->last[b]; k++) {
             float wk = z[k] < top ? w[k] : 0;
-            num += wk * (h->y[z[k]] - dark) * h->rt[k];
+            num += wk * ((h->y[z[k]] - dark) * h->rt[k] - shift[k] * h->x[i]);
             den += wk;
         }
         if (!(den > 0) || !(num > 0))
@@ -143,13 +147,14 @@ void channel_gather(channel *h)
         h->x[i] = num / den;
         b = bin_of(h, h->x[i]);
         w = h->w + b * kk;
+        shift = h->shift + b * kk;
         const float *limit = h->limit + b * kk;
         float rx = 1 / h->x[i], rden = 1 / den;
         cellsum *cell = h->cell + b * kk;
         for (int k = h->first[b]; k < h->last[b]; k++) {
             if (!(w[k] > 0) || z[k] >= top)
                 continue;
-            float rho = (h->y[z[k]] - dark) * h->rt[k] * rx - 1;
+            float rho = (h->y[z[k]] - dark) * h->rt[k] * rx - 1 - shift[k];
             rho = rho < -limit[k] ? -limit[k] : rho > limit[k] ? limit[k] : rho;
             cell[k].n++;
             cell[k].rho += rho;

@@ -21,6 +21,7 @@ typedef struct channel {
     double lx0, bins_per_ln;  /* bin = (ln X - lx0) * bins_per_ln */
     float *x;                 /* [n] current X, 0: no usable sample */
     float *w;                 /* [BINS * kk] 1 / relative variance, 0 inactive */
+    float *shift;             /* [BINS * kk] mean of rho: what clipping at black adds */
     float *limit;             /* [BINS * kk] beyond which a residual is an outlier */
     int first[BINS], last[BINS]; /* active exposures of a bin lie in [first, last) */
     float *rt;                /* 1 / t_k */
