@@ -191,17 +191,18 @@ static int remap_picture(float *rgb, float *alpha, outcome *o, session *w, img *
 {
     remap_source ready;
     double t0 = cpu_seconds();
-    if (source_prepare(&ready, im->pix, im->info.width, im->info.height, src, e)) return -1;
+    if (source_clean(&ready, im->pix, im->info.width, im->info.height, src, e)) return -1;
+    int shared = w && w->several && !ready.bad && src->width < 65536 && src->height < 65536;
+    int rc = shared ? 0 : source_slopes(&ready, src, e);
     double t1 = cpu_seconds();
-    int rc = 0, shared = w && w->several && !ready.bad;
-    if (shared && !(w->plan && memcmp(&w->src, src, sizeof *src) == 0 && memcmp(&w->dst, dst, sizeof *dst) == 0)) {
+    if (!rc && shared && !(w->plan && memcmp(&w->src, src, sizeof *src) == 0 && memcmp(&w->dst, dst, sizeof *dst) == 0)) {
         session_free(w);
-        rc = remap_plan_new(&w->plan, dst, src, NULL, e);
+        rc = remap_plan_new(&w->plan, dst, src, e);
         w->src = *src, w->dst = *dst;
         o->cpu_plan_s += cpu_seconds() - t1;
     }
     double t2 = cpu_seconds();
-    if (!rc && shared) remap_apply(rgb, alpha, w->plan, &ready);
+    if (!rc && shared) rc = remap_apply(rgb, alpha, w->plan, &ready, e);
     else if (!rc) rc = remap_run(rgb, alpha, dst, src, &ready, e);
     o->cpu_prepare_s += t1 - t0, o->cpu_remap_s += cpu_seconds() - t2;
     o->bad_pixels += ready.nbad;
