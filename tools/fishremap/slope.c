@@ -39,7 +39,7 @@ static void hold_pixel(float *pix, unsigned char *bad, const chart *c, int x, in
         if (hypot(fabs(xs + 0.5 - c->cx) + 0.5, fabs(ys + 0.5 - c->cy) + 0.5) > c->radius) continue;
         size_t from = (size_t)ys * (size_t)w + (size_t)xs, to = (size_t)y * (size_t)w + (size_t)x;
         memcpy(pix + 4 * to, pix + 4 * from, 4 * sizeof *pix);
-        bad[to] = bad[from];
+        if (bad) bad[to] = bad[from];
         return;
     }
 }
@@ -95,12 +95,12 @@ static void slope_row(remap_source *s, int y, int x0, int x1, int wrap)
     }
 }
 
-int source_clean(remap_source *s, float *pix, int width, int height, const chart *src, errmsg *e)
+int source_clean(remap_source *s, float *pix, int width, int height, int all_good, const chart *src, errmsg *e)
 {
     size_t n = (size_t)width * (size_t)height;
-    remap_source t = {width, height, pix, NULL, malloc(n), 0};
-    if (!t.bad) return err_set(e, "out of memory");
-    t.nbad = mark_bad(pix, t.bad, n);
+    remap_source t = {width, height, pix, NULL, all_good ? NULL : malloc(n), 0};
+    if (!all_good && !t.bad) return err_set(e, "out of memory");
+    if (!all_good) t.nbad = mark_bad(pix, t.bad, n);
     if (src->kind == CHART_DISC) hold_rim(pix, t.bad, src);
     if (!t.nbad) {
         free(t.bad);

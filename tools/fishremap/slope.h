@@ -26,8 +26,9 @@ typedef struct remap_source {
 
 /* pix: width*height*4, R G B alpha, 16-byte aligned (malloc's are); it is used up, and stays in use by s: pixels that
  * are NaN, infinite or have alpha < 1/2 are marked bad, blackened and take no part.  Pixels that the rim of
- * a disc cuts mix with what lies outside and take the value of the next pixel inwards.  -1: no memory. */
-int source_clean(remap_source *s, float *pix, int width, int height, const chart *src, errmsg *e);
+ * a disc cuts mix with what lies outside and take the value of the next pixel inwards.  all_good: the
+ * caller knows that every pixel is finite and has alpha 1.  -1: no memory. */
+int source_clean(remap_source *s, float *pix, int width, int height, int all_good, const chart *src, errmsg *e);
 int source_slopes(remap_source *s, const chart *src, errmsg *e);
 void source_free(remap_source *s);
 

@@ -58,15 +58,16 @@ static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, con
     chart src, dst;
     lens l;
     remap_source ready;
+    int all_good = 0;
     double d = s->camera_distance > 0 ? 2 * s->camera_distance / s->diameter : 0;
     if (lens_sphere(&l, d, e) || cut_window(&pix, box, im, q, e)) return -1;
     chart_disc(&src, box[2] - box[0], box[3] - box[1], &l, q->x - box[0], q->y - box[1], q->r, 1, turn, s->tilt_deg * DEG,
                s->tilt_to_deg * DEG);
     if (frame) memcpy(src.frame, frame, sizeof src.frame);
-    hide_camera(pix, &src, s->hide_camera_deg * DEG);
+    hide_camera(pix, &all_good, &src, s->hide_camera_deg * DEG);
     chart_probe(&dst, s->out_w, s->out_h, polar_max);
     double t0 = cpu_seconds();
-    int rc = source_clean(&ready, pix, src.width, src.height, &src, e);
+    int rc = source_clean(&ready, pix, src.width, src.height, all_good, &src, e);
     if (!rc) rc = source_slopes(&ready, &src, e);
     free(pix);
     if (rc) return -1;
@@ -206,7 +207,8 @@ int job_array(outcome *o, const settings *s, errmsg *e)
     int total = s->nu * s->nv, rc = -1;
     if (total > 1 && !is_field(s->out))
         return err_set(e, "%s: expected an output that ends in .ilf.exr for %d spheres", s->out, total);
-    if (input_load(&im, s, e)) return -1;
+    int all_good;
+    if (input_load(&im, &all_good, s, e)) return -1;
     sphere_seen *q = malloc(sizeof *q * (size_t)total);
     if (!q) {
         err_set(e, "out of memory");
