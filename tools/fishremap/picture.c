@@ -43,7 +43,7 @@ static int fold_mask(img *im, const char *path, errmsg *e)
     return 0;
 }
 
-int input_load(img *im, const settings *s, errmsg *e)
+int input_load(img *im, int *all_good, const settings *s, errmsg *e)
 {
     img a, b;
     if (img_load(&a, s->in, e)) return -1;
@@ -57,12 +57,15 @@ int input_load(img *im, const settings *s, errmsg *e)
     size_t n = (size_t)a.info.width * (size_t)a.info.height;
     /* alpha of a coded picture is a code; of a radiometric one a share */
     float alpha_scale = a.info.coded && a.info.max_code > 0 ? (float)(1 / a.info.max_code) : 1;
-#pragma omp parallel for schedule(static)
+    int bad = s->mask != NULL;
+#pragma omp parallel for schedule(static) reduction(| : bad)
     for (size_t i = 0; i < n; i++) {
         const float *p = a.pix + i * (size_t)ch;
         float *q = b.pix + 4 * i;
         q[0] = p[0], q[1] = ch >= 3 ? p[1] : p[0], q[2] = ch >= 3 ? p[2] : p[0];
         q[3] = ch == 2 || ch == 4 ? p[ch - 1] * alpha_scale : 1;
+        float sum = q[0] + q[1] + q[2];
+        bad |= !(sum - sum == 0) | (q[3] != 1);
     }
     img_free(&a);
     if (s->mask && fold_mask(&b, s->mask, e)) {
@@ -70,6 +73,7 @@ int input_load(img *im, const settings *s, errmsg *e)
         return -1;
     }
     *im = b;
+    *all_good = !bad;
     return 0;
 }
 
@@ -171,9 +175,10 @@ int result_write(const settings *s, const float *rgb, const float *alpha, int pa
 }
 
 /* The camera sees itself in a ball: pixels within the hidden angle of the axis get alpha 0. */
-void hide_camera(float *pix, const chart *c, double angle)
+void hide_camera(float *pix, int *all_good, const chart *c, double angle)
 {
     if (!(angle > 0)) return;
+    *all_good = 0;
     double r = c->radius * lens_radius(NULL, &c->lens, angle);
     for (int y = 0; y < c->height; y++)
         for (int x = 0; x < c->width; x++)
@@ -187,21 +192,23 @@ void session_free(session *w)
 }
 
 /* Remap a loaded picture, by the session's weights where it fits them. */
-static int remap_picture(float *rgb, float *alpha, outcome *o, session *w, img *im, const chart *src, const chart *dst, errmsg *e)
+static int remap_picture(float *rgb, float *alpha, outcome *o, session *w, img *im, int all_good, const chart *src, const chart *dst,
+                         errmsg *e)
 {
     remap_source ready;
     double t0 = cpu_seconds();
-    if (source_prepare(&ready, im->pix, im->info.width, im->info.height, src, e)) return -1;
+    if (source_clean(&ready, im->pix, im->info.width, im->info.height, all_good, src, e)) return -1;
+    int shared = w && w->several && !ready.bad && src->width < 65536 && src->height < 65536;
+    int rc = shared ? 0 : source_slopes(&ready, src, e);
     double t1 = cpu_seconds();
-    int rc = 0, shared = w && w->several && !ready.bad;
-    if (shared && !(w->plan && memcmp(&w->src, src, sizeof *src) == 0 && memcmp(&w->dst, dst, sizeof *dst) == 0)) {
+    if (!rc && shared && !(w->plan && memcmp(&w->src, src, sizeof *src) == 0 && memcmp(&w->dst, dst, sizeof *dst) == 0)) {
         session_free(w);
-        rc = remap_plan_new(&w->plan, dst, src, NULL, e);
+        rc = remap_plan_new(&w->plan, dst, src, e);
         w->src = *src, w->dst = *dst;
         o->cpu_plan_s += cpu_seconds() - t1;
     }
     double t2 = cpu_seconds();
-    if (!rc && shared) remap_apply(rgb, alpha, w->plan, &ready);
+    if (!rc && shared) rc = remap_apply(rgb, alpha, w->plan, &ready, e);
     else if (!rc) rc = remap_run(rgb, alpha, dst, src, &ready, e);
     o->cpu_prepare_s += t1 - t0, o->cpu_remap_s += cpu_seconds() - t2;
     o->bad_pixels += ready.nbad;
@@ -225,10 +232,11 @@ static int add_second(float *rgb, float *alpha, outcome *o, const settings *s, c
         err_set(e, "out of memory");
         goto done;
     }
-    if (input_load(&im, &t, e)) goto done;
+    int all_good;
+    if (input_load(&im, &all_good, &t, e)) goto done;
     chart_disc(&src, im.info.width, im.info.height, &first->lens, view[0], view[1], view[2], 1, s->rotate_deg * DEG, view[3] * DEG, view[4] * DEG);
-    hide_camera(im.pix, &src, s->hide_camera_deg * DEG);
-    rc = remap_picture(rgb2, alpha2, o, NULL, &im, &src, dst, e);
+    hide_camera(im.pix, &all_good, &src, s->hide_camera_deg * DEG);
+    rc = remap_picture(rgb2, alpha2, o, NULL, &im, all_good, &src, dst, e);
     img_free(&im);
     for (size_t i = 0; !rc && i < n; i++) {
         double d[3], weight[2];
@@ -269,9 +277,9 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
 {
     img im;
     chart src, dst;
-    int rc = -1, partial, mirror = s->from == VIEW_BALL || s->to == VIEW_BALL;
+    int rc = -1, partial, all_good, mirror = s->from == VIEW_BALL || s->to == VIEW_BALL;
     float *rgb = NULL, *alpha = NULL;
-    if (input_load(&im, s, e)) return -1;
+    if (input_load(&im, &all_good, s, e)) return -1;
     if (make_chart(&src, s, s->from, &im, mirror, e)) goto done;
     if (make_chart(&dst, s, s->to, NULL, mirror, e)) goto done;
     if (s->overlay) {
@@ -288,7 +296,7 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
         free(f);
         if (failed) goto done;
     }
-    if (s->from == VIEW_BALL) hide_camera(im.pix, &src, s->hide_camera_deg * DEG);
+    if (s->from == VIEW_BALL) hide_camera(im.pix, &all_good, &src, s->hide_camera_deg * DEG);
     size_t n = (size_t)s->out_w * (size_t)s->out_h;
     rgb = malloc(n * 3 * sizeof(float)), alpha = malloc(n * sizeof(float));
     if (!rgb || !alpha) {
@@ -296,7 +304,7 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
         goto done;
     }
     o->cx = src.cx, o->cy = src.cy, o->radius = src.radius;
-    if (remap_picture(rgb, alpha, o, w, &im, &src, &dst, e)) goto done;
+    if (remap_picture(rgb, alpha, o, w, &im, all_good, &src, &dst, e)) goto done;
     if (s->second && add_second(rgb, alpha, o, s, &src, &dst, e)) goto done;
     for (size_t i = 0; s->from == VIEW_BALL && i < 3 * n; i++) rgb[i] = (float)(rgb[i] / s->reflectance[i % 3]);
     o->covered = coverage(&partial, alpha, &dst);

@@ -55,8 +55,9 @@ typedef struct outcome {
     char remark[512];        /* worth telling, or "" */
 } outcome;
 
-/* Load the input as linear radiance with mask and alpha folded in: 4 channels. */
-int input_load(img *im, const settings *s, errmsg *e);
+/* Load the input as linear radiance with mask and alpha folded in: 4 channels.  all_good: every pixel is finite
+ * and has alpha 1. */
+int input_load(img *im, int *all_good, const settings *s, errmsg *e);
 
 /* What pictures of one geometry share: weights are made once.  Zero to begin with. */
 typedef struct session {
@@ -73,7 +74,7 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e);
 int job_array(outcome *o, const settings *s, errmsg *e);
 
 /* Take the camera's own reflection (within the angle, radians, of the axis) out of a ball's picture. */
-void hide_camera(float *pix, const chart *c, double angle);
+void hide_camera(float *pix, int *all_good, const chart *c, double angle);
 
 /* Fill texels with alpha 0 as the mode says; rgb w*h*3.  Hold: the nearest covered texel of the
  * column, upwards first. */

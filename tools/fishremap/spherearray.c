@@ -58,15 +58,17 @@ static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, con
     chart src, dst;
     lens l;
     remap_source ready;
+    int all_good = 0;
     double d = s->camera_distance > 0 ? 2 * s->camera_distance / s->diameter : 0;
     if (lens_sphere(&l, d, e) || cut_window(&pix, box, im, q, e)) return -1;
     chart_disc(&src, box[2] - box[0], box[3] - box[1], &l, q->x - box[0], q->y - box[1], q->r, 1, turn, s->tilt_deg * DEG,
                s->tilt_to_deg * DEG);
     if (frame) memcpy(src.frame, frame, sizeof src.frame);
-    hide_camera(pix, &src, s->hide_camera_deg * DEG);
+    hide_camera(pix, &all_good, &src, s->hide_camera_deg * DEG);
     chart_probe(&dst, s->out_w, s->out_h, polar_max);
     double t0 = cpu_seconds();
-    int rc = source_prepare(&ready, pix, src.width, src.height, &src, e);
+    int rc = source_clean(&ready, pix, src.width, src.height, all_good, &src, e);
+    if (!rc) rc = source_slopes(&ready, &src, e);
     free(pix);
     if (rc) return -1;
     double t1 = cpu_seconds();
@@ -189,7 +191,8 @@ static int locate(sphere_seen *q, sphere_grid *g, outcome *o, const settings *s,
     if (sphere_grid_init(g, s->nu, s->nv, corner, rotate, e)) return -1;
     for (int k = 0; k < total; k++) q[k] = sphere_grid_at(NULL, g, k % s->nu, k / s->nu);
     if (total == 1) return 0; /* one sphere is where it is said, or was found, to be */
-    int rc = s->nu > 1 && s->nv > 1 ? sphere_refine(q, &fit, g, corner, rotate, s->corners_auto ? 1 : fmax(3, 0.04 * corner[0].r), im->pix, w, h, e) : 1;
+    double slack = s->corners_auto ? 1 : fmax(3, 0.04 * corner[0].r);
+    int rc = s->nu > 1 && s->nv > 1 ? sphere_refine(q, &fit, g, corner, rotate, slack, 1.6 * slack, im->pix, w, h, e) : 1;
     if (rc < 0) return -1;
     if (rc > 0) snprintf(o->remark, sizeof o->remark, "no rims to be seen near the corners: the spheres are where the corners put them");
     else snprintf(o->remark, sizeof o->remark, "rims of %d of %d spheres within a pixel of the grid, %.2f pixels rms", fit.seen, total, fit.rms);
@@ -204,7 +207,8 @@ int job_array(outcome *o, const settings *s, errmsg *e)
     int total = s->nu * s->nv, rc = -1;
     if (total > 1 && !is_field(s->out))
         return err_set(e, "%s: expected an output that ends in .ilf.exr for %d spheres", s->out, total);
-    if (input_load(&im, s, e)) return -1;
+    int all_good;
+    if (input_load(&im, &all_good, s, e)) return -1;
     sphere_seen *q = malloc(sizeof *q * (size_t)total);
     if (!q) {
         err_set(e, "out of memory");

@@ -244,7 +244,7 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
     compare_cells(shared[0], shared[1], &a, u, v, pitch, n, m);
     find_centre(at, shared[0], u, v, pitch);
     find_centre(at + GUESSES, shared[1], u, v, pitch);
-    for (int try = 0; try < 4 * GUESSES && best < 1.0; try++) { /* each guess taken to its rims: which has most of them? */
+    for (int try = 0; try < 4 * GUESSES && best < 1.2; try++) { /* each guess taken to its rims: which has most of them? */
         int k = try % (2 * GUESSES);
         double slack = (try < 2 * GUESSES ? 0.04 : 0.15) * a.k * pitch;
         double o[2] = {at[k][0] * u[0] + at[k][1] * v[0], at[k][0] * u[1] + at[k][1] * v[1]};
@@ -260,7 +260,7 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
         sphere_seen *all = malloc(sizeof *all * (size_t)n * (size_t)m);
         double quality = 0;
         if (all && !sphere_outer_radius(c, pix, w, h, n, m, rotate, NULL) && !sphere_grid_init(&g, n, m, c, rotate, NULL)) {
-            int rc = n > 1 && m > 1 ? sphere_refine(all, &fit, &g, c, rotate, slack, pix, w, h, NULL) : 1;
+            int rc = n > 1 && m > 1 ? sphere_refine(all, &fit, &g, c, rotate, slack, 0.3 * a.k * pitch, pix, w, h, NULL) : 1;
             quality = rc < 0 ? 0 : rc > 0 ? 1e-3 : (0.1 + fit.seen / ((double)n * m)) / (0.3 + fit.rms);
             for (int q = 0; q < 4 && rc == 0; q++) c[q] = sphere_grid_at(NULL, &g, q == 1 || q == 2 ? n - 1 : 0, q >= 2 ? m - 1 : 0);
         }

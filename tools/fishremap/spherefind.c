@@ -173,7 +173,7 @@ int sphere_outer_radius(sphere_seen corner[4], const float *pix, int w, int h, i
 }
 
 int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double slack,
-                  const float *pix, int w, int h, errmsg *e)
+                  double reach, const float *pix, int w, int h, errmsg *e)
 {
     int total = g->n * g->m, rc = -1;
     float *grey = circle_grey(pix, w, h);
@@ -184,7 +184,7 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_
     double mean = (c[0].r + c[1].r + c[2].r + c[3].r) / 4;
     if (through_corners(g, c, rotate)) goto done; /* a row or a column: left as it is */
     for (int it = 0; it < 3; it++) {
-        climb(g, c, corner, 1.6 * slack, grey, w, h, it ? 0.5 : slack, rotate);
+        climb(g, c, corner, reach, grey, w, h, it ? 0.5 : slack, rotate);
         for (int i = 0; i < 3; i++) {
             common_rim(c, g, grey, w, h);
             through_corners(g, c, rotate);

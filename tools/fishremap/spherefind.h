@@ -15,11 +15,11 @@ typedef struct sphere_fit {
 } sphere_fit;
 
 /* q: n*m spheres, i fastest, out.  g: from the corners, in; fitted to all rims at once, out: the corners, known to about
- * `slack` pixels, move (by up to 0.6 radius) to where the picture changes most across all circles, and the common radius becomes that
+ * `slack` pixels, move (by up to `reach` pixels) to where the picture changes most across all circles, and the common radius becomes that
  * where the reflections end.  1 (q not set): the rims do not stand out from what is
  * around them; -1: the rims contradict the corners.  A single row or column is left as given (1). */
 int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double slack,
-                  const float *pix, int w, int h, errmsg *e);
+                  double reach, const float *pix, int w, int h, errmsg *e);
 
 /* Corners at the right centres, with radii of half the pitch: set the radii to where, coming from the gaps, the
  * reflections begin. */
