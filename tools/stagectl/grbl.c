@@ -13,7 +13,8 @@
 #include "deadline.h"
 #include "grbl_talk.h"
 
-static const double banner_s = 3; /* a boot loader's patience, seconds */
+/* A boot loader's patience; after that a reset is sent and waited for.  Seconds. */
+static const double banner_s = 3, reset_s = 3;
 
 /* Machine space: homing ends at the switch, and GRBL counts from there: -travel..0, whichever end the switch is at;
  * built with the zero at home ('Z', or bit 3 of grblHAL's $22) it is 0..travel where $23 says so. */
@@ -42,8 +43,8 @@ static stage_code wake(stage *s, errmsg *e)
     int reset_sent = 0;
     for (;;) {
         double now = now_s();
-        if (now >= start + banner_s + answer_s) {
-            err_set(e, "stage: no answer from a GRBL controller within %g s", banner_s + answer_s);
+        if (now >= start + banner_s + reset_s) {
+            err_set(e, "stage: no answer from a GRBL controller within %g s", banner_s + reset_s);
             return STAGE_SILENT;
         }
         stage_code r = STAGE_OK;

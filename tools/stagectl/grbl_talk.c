@@ -14,7 +14,7 @@
 #include "deadline.h"
 #include "signals.h"
 
-static const double query_s = 0.25, hold_s = 10; /* seconds */
+static const double query_s = 0.25, hold_s = 10, reset_s = 2; /* seconds */
 
 static stage_code next_line(stage *s, grbl_message *m, double deadline, const char *doing, errmsg *e)
 {
@@ -159,7 +159,7 @@ stage_code grbl_soft_reset(stage *s, grbl_message *m, errmsg *e)
 {
     grbl *g = s->state;
     stage_code r = grbl_realtime(s, GRBL_RESET, e);
-    if (r == STAGE_OK) r = grbl_take(s, m, WANT_BANNER, now_s() + answer_s, "waiting for the banner after a reset", e);
+    if (r == STAGE_OK) r = grbl_take(s, m, WANT_BANNER, now_s() + reset_s, "waiting for the banner after a reset", e);
     if (r == STAGE_OK) g->need_reset = 0;
     return r;
 }
