@@ -116,7 +116,7 @@ def leave_one_out(work, name, files, times, chosen):
                 m = seen[..., c] & (z[..., c] >= 10) & (z[..., c] <= 245) & (got[..., c] > 0)
                 per.append(np.abs(np.log2(got[..., c][m] * times[k] / table[z[..., c][m], c])))
         result[kind] = float(np.median(np.concatenate(per)))
-    print(f"{name:34}" + "".join(f"{kind} {value:.4f}   " for kind, value in result.items()), flush=True)
+    print(f"{name:36}" + "".join(f"{kind} {value:.4f}   " for kind, value in result.items()), flush=True)
     return result
 
 
@@ -148,7 +148,7 @@ def memorial(work, data):
 
 def real(work, shared):
     result = {}
-    series = {"bracket_window_nikon_e995": range(0, 12, 3), "fisheye_bracket_office_canon5d2_8mm": range(2, 18, 5),
+    series = {"bracket_window_nikon_e995": (3, 9), "fisheye_bracket_office_canon5d2_8mm": (5, 12),
               "mirrorball_bracket_desk_sony": range(3)}
     if (shared / "data" / "bracket_memorial_church").is_dir():
         result["memorial"] = memorial(work, shared / "data" / "bracket_memorial_church")

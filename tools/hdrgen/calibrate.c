@@ -242,7 +242,7 @@ int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, 
     for (; facts->rounds < MAX_ROUNDS; facts->rounds++) {
         if (one_round(&work, m, t, lnt, h, &b, coef, o, facts, &change, e))
             goto done;
-        if (facts->rounds + 1 >= MIN_ROUNDS && change < 3e-4)
+        if (facts->rounds + 1 >= MIN_ROUNDS && change < 5e-4)
             break;
     }
     if (o->fit_response && rescale(&work, m)) {

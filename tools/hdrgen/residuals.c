@@ -33,6 +33,7 @@ void channel_free(channel *h)
 {
     free(h->x);
     free(h->w);
+    free(h->limit);
     free(h->rt);
     free(h->y);
     free(h->cell);
@@ -49,10 +50,11 @@ int channel_alloc(channel *h, const samples *s, int c)
     size_t cells = (size_t)BINS * (size_t)h->kk;
     h->x = calloc((size_t)h->n + 1, sizeof *h->x);
     h->w = calloc(cells, sizeof *h->w);
+    h->limit = calloc(cells, sizeof *h->limit);
     h->rt = calloc((size_t)h->kk, sizeof *h->rt);
     h->y = calloc((size_t)s->max_code + 1, sizeof *h->y);
     h->cell = calloc(cells, sizeof *h->cell);
-    return h->x && h->w && h->rt && h->y && h->cell ? 0 : -1;
+    return h->x && h->w && h->limit && h->rt && h->y && h->cell ? 0 : -1;
 }
 
 void channel_prepare(channel *h, const response *r, const noise_model *m, const double *lnt)
@@ -71,7 +73,9 @@ void channel_prepare(channel *h, const response *r, const noise_model *m, const 
     h->lx0 = lo;
     h->bins_per_ln = BINS / (hi - lo);
     double clip = response_edge(r, h->c, top);
-    for (int b = 0; b < BINS; b++)
+    for (int b = 0; b < BINS; b++) {
+        h->first[b] = h->kk;
+        h->last[b] = 0;
         for (int k = 0; k < h->kk; k++) {
             double e = bin_x(h, b) * exp(lnt[k]), w = 0;
             if (e < clip && e > f[1]) {
@@ -82,7 +86,13 @@ void channel_prepare(channel *h, const response *r, const noise_model *m, const 
                     w = e * e / v;
             }
             h->w[b * h->kk + k] = (float)w;
+            if (!(w > 0))
+                continue;
+            h->limit[b * h->kk + k] = (float)(outlier_sigmas * sqrt(h->slack / w));
+            h->first[b] = k < h->first[b] ? k : h->first[b];
+            h->last[b] = k + 1;
         }
+    }
 }
 
 static float pedestal(const channel *h, int i)
@@ -120,9 +130,10 @@ void channel_gather(channel *h)
         if (!(h->x[i] > 0))
             continue;
         const uint16_t *z = h->s->z[h->c] + (size_t)i * (size_t)kk;
-        const float *w = h->w + bin_of(h, h->x[i]) * kk;
+        int b = bin_of(h, h->x[i]);
+        const float *w = h->w + b * kk;
         float num = 0, den = 0, dark = pedestal(h, i);
-        for (int k = 0; k < kk; k++) {
+        for (int k = h->first[b]; k < h->last[b]; k++) {
             float wk = z[k] < top ? w[k] : 0;
             num += wk * (h->y[z[k]] - dark) * h->rt[k];
             den += wk;
@@ -130,19 +141,20 @@ void channel_gather(channel *h)
         if (!(den > 0) || !(num > 0))
             continue;
         h->x[i] = num / den;
-        int b = bin_of(h, h->x[i]);
+        b = bin_of(h, h->x[i]);
         w = h->w + b * kk;
+        const float *limit = h->limit + b * kk;
+        float rx = 1 / h->x[i], rden = 1 / den;
         cellsum *cell = h->cell + b * kk;
-        for (int k = 0; k < kk; k++) {
+        for (int k = h->first[b]; k < h->last[b]; k++) {
             if (!(w[k] > 0) || z[k] >= top)
                 continue;
-            double rho = (h->y[z[k]] - dark) * h->rt[k] / h->x[i] - 1;
-            double limit = outlier_sigmas * sqrt(h->slack / w[k]);
-            rho = fmin(fmax(rho, -limit), limit);
+            float rho = (h->y[z[k]] - dark) * h->rt[k] * rx - 1;
+            rho = rho < -limit[k] ? -limit[k] : rho > limit[k] ? limit[k] : rho;
             cell[k].n++;
             cell[k].rho += rho;
-            double leverage = w[k] / den;
-            if (leverage < 0.9) {
+            float leverage = w[k] * rden;
+            if (leverage < 0.9f) {
                 cell[k].sq += rho * rho / (1 - leverage);
                 cell[k].sq_n++;
             }

@@ -8,7 +8,7 @@
 #include "response.h"
 #include "samples.h"
 
-enum { BINS = 512 }; /* of ln X */
+enum { BINS = 320 }; /* of ln X */
 
 /* Relative residuals rho = y / (X t) - 1 of one bin and exposure. */
 typedef struct cellsum {
@@ -21,6 +21,8 @@ typedef struct channel {
     double lx0, bins_per_ln;  /* bin = (ln X - lx0) * bins_per_ln */
     float *x;                 /* [n] current X, 0: no usable sample */
     float *w;                 /* [BINS * kk] 1 / relative variance, 0 inactive */
+    float *limit;             /* [BINS * kk] beyond which a residual is an outlier */
+    int first[BINS], last[BINS]; /* active exposures of a bin lie in [first, last) */
     float *rt;                /* 1 / t_k */
     float *y;                 /* finv as float */
     cellsum *cell;            /* [BINS * kk] */
