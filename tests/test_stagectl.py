@@ -279,6 +279,21 @@ def test_interrupt_in_a_move_keeps_the_position(tmp_path, sig, code):
         assert abs(sx - x) <= 0.5 / 80 + 0.001 and abs(sy - y) <= 0.5 / 80 + 0.001
 
 
+def test_a_second_interrupt_resets_at_once(fake):
+    """A stage that goes on running after a hold: the first SIGINT waits for it, the second does not."""
+    g = fake(stuck=True, answer=lambda s: "" if s.startswith("G4") else None)
+    r = Run("--port", g.port, "move", "-10", "-10")
+    while not any(s.startswith("G4") for s in g.lines):
+        time.sleep(0.01)
+    resets = g.resets
+    r.kill(signal.SIGINT)
+    time.sleep(0.5)
+    assert r.process.poll() is None and g.resets == resets
+    r.kill(signal.SIGINT)
+    start = time.monotonic()
+    assert r.end(20)[0] == 130 and g.resets == resets + 1 and time.monotonic() - start < 5
+
+
 def test_interrupt_in_a_session_and_resume(tmp_path):
     with Stage(tmp_path, factor=20) as stage:
         path = session(tmp_path)

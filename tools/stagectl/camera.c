@@ -31,7 +31,8 @@ static _Noreturn void become(const argwords *argv, const camera_limits *l, pid_t
     if (l->lock_fd >= 0) fcntl(l->lock_fd, F_SETFD, 0);
     execvp(argv->word[0], argv->word);
     int why = errno;
-    if (write(report, &why, sizeof why) < 0) {}
+    if (write(report, &why, sizeof why) < 0) {
+    }
     _exit(127);
 }
 
@@ -67,7 +68,8 @@ static int said(int fd, off_t from, const char *text)
 static int wait_end(int pidfd, double deadline, int heed_interrupt)
 {
     for (;;) {
-        struct pollfd f[2] = {{.fd = pidfd, .events = POLLIN}, {.fd = heed_interrupt ? signals_fd() : -1, .events = POLLIN}};
+        struct pollfd f[2] = {{.fd = pidfd, .events = POLLIN},
+                              {.fd = heed_interrupt ? signals_fd() : -1, .events = POLLIN}};
         int n = poll(f, 2, left_ms(deadline));
         signals_answer();
         if (n < 0 && errno == EINTR) continue;
@@ -94,12 +96,14 @@ static int start(pid_t *pid, int *pidfd, const argwords *argv, const camera_limi
     setpgid(*pid, *pid); /* whoever is first; the group is there before any kill */
     *pidfd = (int)syscall(SYS_pidfd_open, *pid, 0);
     ssize_t n;
-    while ((n = read(report[0], &why, sizeof why)) < 0 && errno == EINTR) {}
+    while ((n = read(report[0], &why, sizeof why)) < 0 && errno == EINTR) {
+    }
     close(report[0]);
     if (n == (ssize_t)sizeof why || *pidfd < 0) {
         int no_pidfd = *pidfd < 0 ? errno : 0;
         kill(*pid, SIGKILL);
-        while (waitpid(*pid, NULL, 0) < 0 && errno == EINTR) {}
+        while (waitpid(*pid, NULL, 0) < 0 && errno == EINTR) {
+        }
         if (*pidfd >= 0) close(*pidfd);
         errno = n == (ssize_t)sizeof why ? why : no_pidfd;
         return err_errno(e, "camera: %s", argv->word[0]);
@@ -120,7 +124,8 @@ camera_result camera_run(const argwords *argv, const camera_limits *l, errmsg *e
         ended = wait_end(pidfd, now_s() + l->kill_after_s, 0);
     }
     kill(-pid, SIGKILL); /* it, or what it has left behind: nothing of it may run while the stage moves */
-    while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {}
+    while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+    }
     close(pidfd);
     if (reason == -1) {
         err_set(e, "interrupted while exposing");

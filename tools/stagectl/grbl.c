@@ -13,10 +13,11 @@
 #include "deadline.h"
 #include "grbl_talk.h"
 
-static const double banner_s = 3; /* a boot loader's patience, seconds */
+/* A boot loader's patience; after that a reset is sent and waited for.  Seconds. */
+static const double banner_s = 3, reset_s = 3;
 
-/* Machine space: homing ends at the switch, and GRBL counts from there: -travel..0, whichever end the switch is at;
- * built with the zero at home ('Z', or bit 3 of grblHAL's $22) it is 0..travel where $23 says so. */
+/* Machine space: homing ends at the switch, and GRBL counts from there: -travel..0, whichever end the switch
+ * is at; built with the zero at home ('Z', or bit 3 of grblHAL's $22) it is 0..travel where $23 says so. */
 static void set_travel(stage *s)
 {
     grbl *g = s->state;
@@ -32,8 +33,8 @@ static void set_travel(stage *s)
     }
 }
 
-/* Find out that someone is there.  Opening the port reboots many boards: their banner comes within 3 s.  Others
- * answer a status query at once; whatever they still do is stopped.  Both end in a fresh banner. */
+/* Find out that someone is there.  Opening the port reboots many boards: their banner comes within 3 s.
+ * Others answer a status query at once; whatever they still do is stopped.  Both end in a fresh banner. */
 static stage_code wake(stage *s, errmsg *e)
 {
     grbl *g = s->state;
@@ -42,8 +43,8 @@ static stage_code wake(stage *s, errmsg *e)
     int reset_sent = 0;
     for (;;) {
         double now = now_s();
-        if (now >= start + banner_s + answer_s) {
-            err_set(e, "stage: no answer from a GRBL controller within %g s", banner_s + answer_s);
+        if (now >= start + banner_s + reset_s) {
+            err_set(e, "stage: no answer from a GRBL controller within %g s", banner_s + reset_s);
             return STAGE_SILENT;
         }
         stage_code r = STAGE_OK;
@@ -54,12 +55,14 @@ static stage_code wake(stage *s, errmsg *e)
             r = grbl_realtime(s, GRBL_STATUS_QUERY, e);
             ask = now + 0.25;
         }
-        if (r == STAGE_OK) r = grbl_take(s, &m, WANT_BANNER | WANT_STATUS, ask, "waiting for the controller", e);
+        if (r == STAGE_OK)
+            r = grbl_take(s, &m, WANT_BANNER | WANT_STATUS, ask, "waiting for the controller", e);
         if (r == STAGE_SILENT) continue;
         if (r != STAGE_OK) return r;
         if (m.kind == GRBL_STATUS) {
             s->position_known = m.state != GRBL_ALARMED;
-            if (m.state == GRBL_IDLE || m.state == GRBL_ALARMED || m.state == GRBL_HELD) r = grbl_soft_reset(s, &m, e);
+            if (m.state == GRBL_IDLE || m.state == GRBL_ALARMED || m.state == GRBL_HELD)
+                r = grbl_soft_reset(s, &m, e);
             else {
                 if (s->note) s->note("stage: found it moving; stopping it first");
                 if ((r = grbl_halt(s, e)) != STAGE_OK) return r;
@@ -99,8 +102,10 @@ static stage_code grbl_connect(stage *s, errmsg *e)
     }
     s->facts.reports_position = 1;
     set_travel(s);
-    if (m.state == GRBL_ALARMED) s->position_known = 0;
-    else if (!s->facts.can_home) s->position_known = 1; /* the controller's zero is what the user made it */
+    if (m.state == GRBL_ALARMED)
+        s->position_known = 0;
+    else if (!s->facts.can_home)
+        s->position_known = 1; /* the controller's zero is what the user made it */
     return STAGE_OK;
 }
 
@@ -129,7 +134,8 @@ static stage_code barrier(stage *s, double settle_s, double expected_s, errmsg *
 {
     grbl_message m;
     char line[GRBL_LINE_MAX + 2];
-    double now = now_s(), deadline = now + expected_s * 2 + answer_s + settle_s, ask = now + poll_s, xy[2], before[2] = {NAN, NAN};
+    double now = now_s(), deadline = now + expected_s * 2 + answer_s + settle_s, ask = now + poll_s, xy[2],
+           before[2] = {NAN, NAN};
     grbl_format_dwell(line, sizeof line, settle_s);
     stage_code r = grbl_send(s, line, "moving", e);
     while (r == STAGE_OK) {
@@ -140,7 +146,8 @@ static stage_code barrier(stage *s, double settle_s, double expected_s, errmsg *
             err_set(e, "stage: in alarm while moving");
             r = STAGE_REFUSED;
         } else if (r == STAGE_OK && grbl_machine_position(s, xy, &m)) {
-            if (xy[0] != before[0] || xy[1] != before[1]) deadline = fmax(deadline, now + answer_s + settle_s);
+            if (xy[0] != before[0] || xy[1] != before[1])
+                deadline = fmax(deadline, now + answer_s + settle_s);
             memcpy(before, xy, sizeof before);
         } else if (r == STAGE_SILENT && now < deadline) {
             ask = now + poll_s;
@@ -220,7 +227,14 @@ static void grbl_release(stage *s)
     s->state = NULL;
 }
 
-const stage_driver stage_driver_grbl = {
-    .name = "grbl", .about = "GRBL 1.1 and grblHAL, 115200 baud", .baud = GRBL_BAUD,
-    .connect = grbl_connect, .home = grbl_home, .go = grbl_go, .where = grbl_where,
-    .check = grbl_check, .halt = grbl_halt, .assume = grbl_assume, .release = grbl_release};
+const stage_driver stage_driver_grbl = {.name = "grbl",
+                                        .about = "GRBL 1.1 and grblHAL, 115200 baud",
+                                        .baud = GRBL_BAUD,
+                                        .connect = grbl_connect,
+                                        .home = grbl_home,
+                                        .go = grbl_go,
+                                        .where = grbl_where,
+                                        .check = grbl_check,
+                                        .halt = grbl_halt,
+                                        .assume = grbl_assume,
+                                        .release = grbl_release};

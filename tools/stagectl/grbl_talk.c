@@ -1,8 +1,8 @@
 /*
  * grbl_talk.c - see grbl_talk.h.
  *
- * Nothing but ok and error:N answers a line; an ok may be late, statuses may be skipped, and messages, start-up
- * lines and a reset's left-over ok may come at any time.
+ * Nothing but ok and error:N answers a line; an ok may be late, statuses may be skipped, and messages,
+ * start-up lines and a reset's left-over ok may come at any time.
  */
 #include "grbl_talk.h"
 
@@ -14,7 +14,7 @@
 #include "deadline.h"
 #include "signals.h"
 
-static const double query_s = 0.25, hold_s = 10; /* seconds */
+static const double query_s = 0.25, hold_s = 10, reset_s = 2; /* seconds */
 
 static stage_code next_line(stage *s, grbl_message *m, double deadline, const char *doing, errmsg *e)
 {
@@ -41,14 +41,33 @@ static void keep_setting(stage *s, const grbl_message *m)
     stage_facts *f = &s->facts;
     int whole = (int)fmin(fmax(m->value, -1e6), 1e6);
     switch (m->number) {
-    case 13: g->inches = whole != 0; break;
-    case 22: g->home_switch = whole; break;
-    case 23: g->home_direction = whole; break;
-    case 100: case 101: f->steps_per_mm[m->number - 100] = m->value; break;
-    case 110: case 111: f->max_feed[m->number - 110] = m->value; break;
-    case 120: case 121: f->acceleration[m->number - 120] = m->value; break;
-    case 130: case 131: f->hi[m->number - 130] = fabs(m->value); break; /* sorted out in set_travel */
-    default: break;
+    case 13:
+        g->inches = whole != 0;
+        break;
+    case 22:
+        g->home_switch = whole;
+        break;
+    case 23:
+        g->home_direction = whole;
+        break;
+    case 100:
+    case 101:
+        f->steps_per_mm[m->number - 100] = m->value;
+        break;
+    case 110:
+    case 111:
+        f->max_feed[m->number - 110] = m->value;
+        break;
+    case 120:
+    case 121:
+        f->acceleration[m->number - 120] = m->value;
+        break;
+    case 130:
+    case 131:
+        f->hi[m->number - 130] = fabs(m->value);
+        break; /* sorted out in set_travel */
+    default:
+        break;
     }
 }
 
@@ -93,7 +112,9 @@ stage_code grbl_take(stage *s, grbl_message *m, int want, double deadline, const
             s->position_known = 0;
             err_set(e, "stage: the controller restarted while %s: its position is lost, home it", doing);
             return STAGE_REFUSED;
-        case GRBL_SETTING: keep_setting(s, m); break;
+        case GRBL_SETTING:
+            keep_setting(s, m);
+            break;
         case GRBL_FEEDBACK:
             if (!strncmp(m->text, "[VER:", 5)) {
                 size_t n = strlen(s->facts.ident);
@@ -106,12 +127,14 @@ stage_code grbl_take(stage *s, grbl_message *m, int want, double deadline, const
         case GRBL_NOISE:
             if (!g->noise++ && s->note) s->note("stage: noise on the line (reported once)");
             break;
-        case GRBL_ECHO: break;
+        case GRBL_ECHO:
+            break;
         }
     }
 }
 
-static stage_code send(stage *s, const void *bytes, size_t n, int ignore_interrupt, const char *doing, errmsg *e)
+static stage_code send(stage *s, const void *bytes, size_t n, int ignore_interrupt, const char *doing,
+                       errmsg *e)
 {
     return stage_port_error(e, port_send(s->port, bytes, n, now_s() + answer_s, ignore_interrupt), doing);
 }
@@ -159,7 +182,8 @@ stage_code grbl_soft_reset(stage *s, grbl_message *m, errmsg *e)
 {
     grbl *g = s->state;
     stage_code r = grbl_realtime(s, GRBL_RESET, e);
-    if (r == STAGE_OK) r = grbl_take(s, m, WANT_BANNER, now_s() + answer_s, "waiting for the banner after a reset", e);
+    if (r == STAGE_OK)
+        r = grbl_take(s, m, WANT_BANNER, now_s() + reset_s, "waiting for the banner after a reset", e);
     if (r == STAGE_OK) g->need_reset = 0;
     return r;
 }
@@ -186,7 +210,9 @@ stage_code grbl_halt(stage *s, errmsg *e)
         if (r != STAGE_OK) break;
         if (m.state == GRBL_HELD || m.state == GRBL_IDLE || m.state == GRBL_ALARMED) break;
         /* builds that give no sub-state: standing still is what counts */
-        if (grbl_machine_position(s, xy, &m) && xy[0] == before[0] && xy[1] == before[1] && m.state == GRBL_HOLDING) break;
+        if (grbl_machine_position(s, xy, &m) && xy[0] == before[0] && xy[1] == before[1] &&
+            m.state == GRBL_HOLDING)
+            break;
         memcpy(before, xy, sizeof before);
         struct timespec pause = {.tv_nsec = 200000000}; /* statuses at 5 Hz at most */
         nanosleep(&pause, NULL);

@@ -1,5 +1,6 @@
 /*
- * grbl_talk.h - the conversation with a GRBL controller, for grbl.c: one line, one answer, and all that comes between.
+ * grbl_talk.h - the conversation with a GRBL controller, for grbl.c: one line, one answer, and all that comes
+ * between.
  */
 #ifndef GRBL_TALK_H
 #define GRBL_TALK_H
@@ -20,12 +21,11 @@ typedef struct grbl {
     char text[LINE_MAX_BYTES + 1]; /* the line that the last message points into */
     char asked[LINE_MAX_BYTES];    /* last command, for messages */
     int inches, is_hal, home_switch, home_direction, origin_at_home, need_reset;
-    double offset[GRBL_AXES];      /* WCO, mm */
+    double offset[GRBL_AXES]; /* WCO, mm */
     int has_offset;
-    double last[2];                /* last reported or commanded machine position, mm */
+    double last[2]; /* last reported or commanded machine position, mm */
     int noise;
 } grbl;
-
 
 /* Read until something wanted comes.  Alarms and unasked-for banners end every wait. */
 stage_code grbl_take(stage *s, grbl_message *m, int want, double deadline, const char *doing, errmsg *e);

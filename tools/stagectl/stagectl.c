@@ -1,15 +1,12 @@
 /*
  * stagectl.c - moves the camera over the grid and takes the exposures.
  *
- * Exit codes: 0 done, 1 input or I/O, 2 usage, 3 stage silent or unplugged, 4 stage refused, 128 + signal after the
- * stage was told to hold.
+ * Exit codes: 0 done, 1 input or I/O, 2 usage, 3 stage silent or unplugged, 4 stage refused, 128 + signal
+ * after the stage was told to hold.
  */
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include "capture.h"
@@ -17,6 +14,7 @@
 #include "files.h"
 #include "names.h"
 #include "signals.h"
+#include "stagectl_show.h"
 
 static struct {
     const char *port, *driver;
@@ -33,14 +31,16 @@ static int take_pair(const char *value, void *arg, errmsg *e)
 
 static const cli_opt opts[] = {
     {"port", 0, CLI_STRING, &o.port, NULL, "DEV", "serial port of the stage; wins over the session's"},
-    {"driver", 0, CLI_STRING, &o.driver, NULL, "NAME", "grbl (default): GRBL 1.1 and grblHAL; c4: Arrick MD-2 through its C4\n"
+    {"driver", 0, CLI_STRING, &o.driver, NULL, "NAME",
+     "grbl (default): GRBL 1.1 and grblHAL; c4: Arrick MD-2 through its C4\n"
      "controller, inferred and unverified on hardware.  Sessions name their own"},
     {"feed", 0, CLI_DOUBLE, &o.feed, NULL, "F", "move: speed, mm/min (1500)"},
     {"settle", 0, CLI_DOUBLE, &o.settle, NULL, "S", "move: rest at the end, s (0.1)"},
     {"home-timeout", 0, CLI_DOUBLE, &o.home_timeout, NULL, "S", "home: longest time, s (120)"},
     {"steps-per-mm", 0, CLI_CALL, o.steps_per_mm, take_pair, "X,Y", "c4: steps per mm (7.874016 direct)"},
     {"from", 0, CLI_CALL, o.from, take_pair, "X,Y", "move: the stage stands there (for c4, which can't say)"},
-    {"assume-position", 0, CLI_FLAG, &o.assume_position, NULL, NULL, "capture: don't home, the stage has kept its position"},
+    {"assume-position", 0, CLI_FLAG, &o.assume_position, NULL, NULL,
+     "capture: don't home, the stage has kept its position"},
     {"dry-run", 0, CLI_FLAG, &o.dry_run, NULL, NULL, "say what would be done; touch neither stage nor files"},
     {0}};
 
@@ -143,7 +143,8 @@ static int do_move(const char *x, const char *y)
     open_stage(&s);
     for (int a = 0; a < 2; a++)
         if (s.facts.has_travel && !(to[a] >= s.facts.lo[a] && to[a] <= s.facts.hi[a])) {
-            err_set(&e, "move: expected %c from %g to %g mm, found %g", "xy"[a], s.facts.lo[a], s.facts.hi[a], to[a]);
+            err_set(&e, "move: expected %c from %g to %g mm, found %g", "xy"[a], s.facts.lo[a], s.facts.hi[a],
+                    to[a]);
             end_stage(&s, STAGE_FAILED, &e);
         }
     if (!s.position_known) {
@@ -174,8 +175,10 @@ static int do_status(int where_only)
         const stage_facts *f = &s.facts;
         printf("controller  %s\nstate       %s\nposition    %.3f %.3f mm%s\n", f->ident, state, xy[0], xy[1],
                s.position_known ? "" : " (not to be trusted: home it)");
-        printf("steps/mm    %g %g\nhoming      %s\n", f->steps_per_mm[0], f->steps_per_mm[1], f->can_home ? "yes" : "no");
-        if (f->has_travel) printf("travel      x %g to %g, y %g to %g mm\n", f->lo[0], f->hi[0], f->lo[1], f->hi[1]);
+        printf("steps/mm    %g %g\nhoming      %s\n", f->steps_per_mm[0], f->steps_per_mm[1],
+               f->can_home ? "yes" : "no");
+        if (f->has_travel)
+            printf("travel      x %g to %g, y %g to %g mm\n", f->lo[0], f->hi[0], f->lo[1], f->hi[1]);
     }
     stage_close(&s);
     return CLI_OK;
@@ -183,67 +186,15 @@ static int do_status(int where_only)
 
 /* ---- sessions ---------------------------------------------------------------------------------- */
 
-static void load(session *s, const char *path)
-{
-    errmsg e;
-    if (session_load(s, path, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
-}
-
-static void print_time(const char *what, double s)
-{
-    printf("%-12s%d h %02d min %04.1f s\n", what, (int)(s / 3600), (int)(fmod(s, 3600) / 60), fmod(s, 60));
-}
-
-/* Free bytes where the session's folder is or will be; -1 = not known. */
-static double free_bytes(const char *folder)
-{
-    char path[4096];
-    struct statvfs v;
-    if (strlen(folder) >= sizeof path) return -1;
-    strcpy(path, folder);
-    while (statvfs(path, &v) != 0) {
-        char *slash = strrchr(path, '/');
-        if (!slash || slash == path) return statvfs(slash ? "/" : ".", &v) == 0 ? (double)v.f_bavail * (double)v.f_frsize : -1;
-        *slash = 0;
-    }
-    return (double)v.f_bavail * (double)v.f_frsize;
-}
-
-static int do_plan(const char *path)
-{
-    session s;
-    plan_totals t;
-    errmsg e;
-    load(&s, path);
-    plan_sum(&t, &s, s.acceleration);
-    printf("places      %ld (%d x %d)\nexposures   %ld (%d a place, %g to %g s%s)\n", t.places, s.nodes[0], s.nodes[1],
-           t.exposures, s.exposures, s.exposure[0], s.exposure[s.exposures - 1], s.adaptive ? "; auto: at most" : "");
-    printf("moves       %ld, %.1f mm, x %g to %g, y %g to %g mm\n", t.moves, t.distance_mm, t.lo[0], t.hi[0], t.lo[1],
-           t.hi[1]);
-    print_time("moving", t.move_s);
-    print_time("settling", t.settle_s);
-    print_time("exposing", t.exposure_s + t.overhead_s);
-    print_time("in all", t.total_s);
-    double room = free_bytes(s.folder);
-    printf("disk        %.1f MB", t.bytes / 1e6);
-    if (room >= 0) printf(" of %.1f MB free%s", room / 1e6, room < t.bytes ? ": NOT ENOUGH" : "");
-    printf("\n");
-    const double lo[2] = {s.travel[0], s.travel[2]}, hi[2] = {s.travel[1], s.travel[3]};
-    if (!(lo[0] < hi[0] || lo[1] < hi[1])) printf("travel      not checked: [stage] travel is not given\n");
-    else if (plan_check_travel(&s, lo, hi, &e) != 0) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
-    else printf("travel      all points inside\n");
-    session_free(&s);
-    return CLI_OK;
-}
-
 static capture_progress latest;
 
 static void print_progress(const capture_progress *p, const char *end)
 {
     fprintf(stderr, "%s: place %ld/%ld (%d,%d) %s, %ld/%ld exposures", prog.name,
-            p->places_done + (p->places_done < p->places), p->places, p->i, p->j, p->doing ? p->doing : "starting", p->shots,
-            p->shots_most);
-    if (p->left_s > 0) fprintf(stderr, ", %d h %02d min left", (int)(p->left_s / 3600), (int)(fmod(p->left_s, 3600) / 60));
+            p->places_done + (p->places_done < p->places), p->places, p->i, p->j,
+            p->doing ? p->doing : "starting", p->shots, p->shots_most);
+    if (p->left_s > 0)
+        fprintf(stderr, ", %d h %02d min left", (int)(p->left_s / 3600), (int)(fmod(p->left_s, 3600) / 60));
     fputs(end, stderr);
 }
 
@@ -291,27 +242,33 @@ static int do_capture(const char *path)
     session s;
     journal *j;
     errmsg e;
-    load(&s, path);
+    load_session(&s, path);
     if (o.dry_run) {
         dry_capture(&s);
         session_free(&s);
         return CLI_OK;
     }
     stage st = {.note = note};
-    capture_run r = {.s = &s, .stage = &st, .port = o.port ? o.port : s.port, .assume_position = o.assume_position,
-                     .say = warn, .progress = progress};
+    capture_run r = {.s = &s,
+                     .stage = &st,
+                     .port = o.port ? o.port : s.port,
+                     .assume_position = o.assume_position,
+                     .say = warn,
+                     .progress = progress};
     if (o.driver && strcmp(o.driver, s.driver) != 0)
         cli_fail(CLI_USAGE, "--driver: expected %s as in %s, found '%s'", s.driver, path, o.driver);
     if (!r.port[0]) cli_fail(CLI_USAGE, "expected --port DEV, or port in [stage] of %s", path);
     char inside[4096];
-    if (files_join(inside, sizeof inside, s.folder, "journal", &e) != 0 || files_make_parents(inside, &e) != 0)
+    if (files_join(inside, sizeof inside, s.folder, "journal", &e) != 0 ||
+        files_make_parents(inside, &e) != 0)
         cli_fail(CLI_FAILED, "%s", e.text);
     if (journal_open(&j, &s, 0, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
     if (journal_dropped(j)) cli_note("%s/journal: dropped a torn last line", s.folder);
     plan_totals t;
     plan_sum(&t, &s, s.acceleration);
     double room = free_bytes(s.folder), more = (double)(t.exposures - journal_shots(j)) * s.file_mb * 1e6;
-    if (room >= 0 && room < more) cli_warn("%s: %.1f MB free, the rest may need %.1f MB", s.folder, room / 1e6, more / 1e6);
+    if (room >= 0 && room < more)
+        cli_warn("%s: %.1f MB free, the rest may need %.1f MB", s.folder, room / 1e6, more / 1e6);
     r.j = j;
     latest.places = t.places;
     stage_code c = capture_all(&r, &e);
@@ -331,66 +288,18 @@ static int do_verify(const char *path)
     session s;
     journal *j;
     errmsg e;
-    load(&s, path);
+    load_session(&s, path);
     if (journal_open(&j, &s, 1, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
     long amiss = reconcile(j, &s, 1, 0, warn, &e), done = 0, shots = journal_shots(j);
     if (amiss < 0) cli_fail(CLI_FAILED, "%s", e.text);
     for (int jj = 0; jj < s.nodes[1]; jj++)
         for (int i = 0; i < s.nodes[0]; i++) done += journal_at(j, i, jj)->done;
-    printf("%ld of %ld places finished, %ld exposures on record, %ld missing or changed\n", done, plan_places(&s), shots, amiss);
+    printf("%ld of %ld places finished, %ld exposures on record, %ld missing or changed\n", done,
+           plan_places(&s), shots, amiss);
     journal_close(j);
     int whole = amiss == 0 && done == plan_places(&s);
     session_free(&s);
     return whole ? CLI_OK : CLI_FAILED;
-}
-
-/* One value, as a script wants it. */
-static int do_get(const char *path, const char *what)
-{
-    session s;
-    char value[4096];
-    load(&s, path);
-    for (const session_key *k = session_keys; k->name; k++) {
-        size_t n = strlen(k->section);
-        if (strncmp(what, k->section, n) != 0 || what[n] != '.' || strcmp(what + n + 1, k->name) != 0) continue;
-        session_value(value, sizeof value, &s, k);
-        printf("%s\n", value);
-        session_free(&s);
-        return CLI_OK;
-    }
-    cli_fail(CLI_USAGE, "get: expected SECTION.KEY, found '%s'", what);
-}
-
-/* The list of times of each place, i fastest: what stands beside it is made from it (scenes/capture.mk). */
-static int do_list(const char *path)
-{
-    session s;
-    char times[NAME_ROOM], picture[NAME_ROOM];
-    errmsg e;
-    load(&s, path);
-    for (int j = 0; j < s.nodes[1]; j++)
-        for (int i = 0; i < s.nodes[0]; i++) {
-            if (name_times(times, &s, i, j, &e) != 0 || name_picture(picture, &s, i, j, 0, &e) != 0)
-                cli_fail(CLI_FAILED, "%s: %s", path, e.text);
-            const char *a = strrchr(times, '/'), *b = strrchr(picture, '/');
-            if (!a || !b || a - times != b - picture || strncmp(times, picture, (size_t)(a - times)) != 0)
-                cli_fail(CLI_FAILED, "%s: expected [output] times in the folder of its place's pictures, found '%s' and '%s'", path,
-                         times, picture);
-            printf("%s/%s\n", s.folder, times);
-        }
-    session_free(&s);
-    return CLI_OK;
-}
-
-static int do_keys(void)
-{
-    const char *section = "";
-    for (const session_key *k = session_keys; k->name; k++) {
-        if (strcmp(section, k->section) != 0) printf("%s[%s]\n", *section ? "\n" : "", k->section);
-        section = k->section;
-        printf("# %s%s\n%s = %s\n", k->help, k->preset ? "" : " (must be given)", k->name, k->preset ? k->preset : "");
-    }
-    return CLI_OK;
 }
 
 int main(int argc, char **argv)
@@ -399,17 +308,29 @@ int main(int argc, char **argv)
     const char *what = n > 0 ? argv[1] : "";
     signals_install(status_line);
     int code = -1;
-    if (!strcmp(what, "home") && n == 1) code = do_home();
-    else if (!strcmp(what, "move") && n == 3) code = do_move(argv[2], argv[3]);
-    else if (!strcmp(what, "where") && n == 1) code = do_status(1);
-    else if (!strcmp(what, "status") && n == 1) code = do_status(0);
-    else if (!strcmp(what, "plan") && n == 2) code = do_plan(argv[2]);
-    else if ((!strcmp(what, "capture") || !strcmp(what, "resume")) && n == 2) code = do_capture(argv[2]);
-    else if (!strcmp(what, "verify") && n == 2) code = do_verify(argv[2]);
-    else if (!strcmp(what, "get") && n == 3) code = do_get(argv[2], argv[3]);
-    else if (!strcmp(what, "list") && n == 2) code = do_list(argv[2]);
-    else if (!strcmp(what, "keys") && n == 1) code = do_keys();
-    if (code < 0 && n == 0) cli_fail(CLI_USAGE, "expected a command: home, move, where, status, plan, capture, verify, keys");
-    if (code < 0) cli_fail(CLI_USAGE, "expected a command with its arguments, found '%s' with %d", what, n - 1);
+    if (!strcmp(what, "home") && n == 1)
+        code = do_home();
+    else if (!strcmp(what, "move") && n == 3)
+        code = do_move(argv[2], argv[3]);
+    else if (!strcmp(what, "where") && n == 1)
+        code = do_status(1);
+    else if (!strcmp(what, "status") && n == 1)
+        code = do_status(0);
+    else if (!strcmp(what, "plan") && n == 2)
+        code = show_plan(argv[2]);
+    else if ((!strcmp(what, "capture") || !strcmp(what, "resume")) && n == 2)
+        code = do_capture(argv[2]);
+    else if (!strcmp(what, "verify") && n == 2)
+        code = do_verify(argv[2]);
+    else if (!strcmp(what, "get") && n == 3)
+        code = show_get(argv[2], argv[3]);
+    else if (!strcmp(what, "list") && n == 2)
+        code = show_list(argv[2]);
+    else if (!strcmp(what, "keys") && n == 1)
+        code = show_keys();
+    if (code < 0 && n == 0)
+        cli_fail(CLI_USAGE, "expected a command: home, move, where, status, plan, capture, verify, keys");
+    if (code < 0)
+        cli_fail(CLI_USAGE, "expected a command with its arguments, found '%s' with %d", what, n - 1);
     return cli_end(code);
 }
