@@ -223,6 +223,9 @@ int main(int argc, char **argv)
     session shared = {0};
     int n = cli_parse(&prog, argc, argv);
     check_usage(n);
+    if (cfg.out_w > IMG_MAX_SIDE || cfg.out_h > IMG_MAX_SIDE || (int64_t)cfg.out_w * cfg.out_h > IMG_MAX_PIXELS / 4)
+        cli_fail(CLI_FAILED, "--size: expected sides up to %d and up to %lld pixels, found %dx%d", IMG_MAX_SIDE, (long long)IMG_MAX_PIXELS / 4,
+                 cfg.out_w, cfg.out_h);
     cfg.progress = cli_progress;
     cfg.command = cli_command_line(&prog, argc, argv);
     shared.several = n > 1;

@@ -89,7 +89,7 @@ static int place_disc(double *cx, double *cy, double *r, const settings *s, cons
         double known = s->radius > 0 || l->focal_px > 0 ? *r : 0;
         if (circle_find(&f, im->pix, w, h, s->from == VIEW_BALL ? CIRCLE_BALL : CIRCLE_LENS, known, e)) return -1;
         *cx = f.x, *cy = f.y;
-        if (!known) *r = f.r;
+        if (known == 0) *r = f.r;
     }
     double dx = fmax(fmax(-*cx, *cx - w), 0), dy = fmax(fmax(-*cy, *cy - h), 0);
     if (hypot(dx, dy) >= *r)
