@@ -53,21 +53,25 @@ have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
 ILF_PROGRAMS  := $(call have,ilfmat,ilfmat)
 TOOL_PROGRAMS := $(foreach t,$(TOOLS),$(call have,$(t),tools/$(t)))
 
-.PHONY: all radiance tools demo test figures report stability bench bench-hdrgen bench-fishremap \
-        bench-render fuzz install clean help env deps deps-radiance deps-tools man
+.PHONY: all radiance tools demo test bench install clean help env deps deps-radiance deps-tools deps-test man
 all: radiance tools man
 
 # ---- what a machine needs --------------------------------------------------------------------------
 DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
 DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev \
                  libopencv-core-dev libopencv-imgproc-dev
-deps: deps-radiance deps-tools
+DEBS_TEST     := gphoto2
+deps: deps-radiance deps-tools deps-test
 deps-radiance: $(B0)/.debs-radiance
 deps-tools: $(B0)/.debs-tools
+deps-test: $(B0)/.debs-test
 $(B0)/.debs-radiance: setup/debs.sh
 	@sh setup/debs.sh $(DEBS_RADIANCE) && mkdir -p $(@D) && touch $@
 $(B0)/.debs-tools: setup/debs.sh | $(B0)/.debs-radiance
 	@sh setup/debs.sh $(DEBS_TOOLS) && mkdir -p $(@D) && touch $@
+
+$(B0)/.debs-test: setup/debs.sh | $(B0)/.debs-tools
+	@sh setup/debs.sh $(DEBS_TEST) && mkdir -p $(@D) && touch $@
 
 # Python lives in a virtual environment of the project's own.
 VENV := $(B0)/venv
@@ -139,16 +143,21 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
+-include tests/bench.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
-$(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON)
+$(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
 
 TEST_ARGS ?=
-test: all $(TEST_DRIVERS) $(VENV)/.packages
+test: $(B0)/.debs-test all $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider tests $(TEST_ARGS)
+
+# speed and accuracy beside the peers', as ratios within one run
+bench: bench-hdrgen bench-fishremap bench-render
+#? bench         all benchmarks (bench-hdrgen, bench-fishremap, bench-render)
 
 # ---- the rest --------------------------------------------------------------------------------------
 env:

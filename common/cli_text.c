@@ -145,8 +145,10 @@ void cli_print_help(const cli_prog *prog)
     for (int t = 0; t < 2; t++) {
         for (const cli_opt *o = tables[t]; o && o->name; o++) {
             int n = left_part(left, sizeof left, o);
-            if (n > width) printf("%s\n%*s", left, width + 2, "");
-            else printf("%-*s", width + 2, left);
+            if (n > width)
+                printf("%s\n%*s", left, width + 2, "");
+            else
+                printf("%-*s", width + 2, left);
             put_wrapped(o->help, width + 2);
         }
     }

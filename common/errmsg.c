@@ -15,7 +15,10 @@
 static size_t showable(const unsigned char *s)
 {
     if (s[0] >= 0x20 && s[0] < 0x7f) return 1;
-    size_t n = s[0] >= 0xc2 && s[0] < 0xe0 ? 2 : (s[0] & 0xf0) == 0xe0 ? 3 : s[0] >= 0xf0 && s[0] < 0xf5 ? 4 : 0;
+    size_t n = s[0] >= 0xc2 && s[0] < 0xe0   ? 2
+               : (s[0] & 0xf0) == 0xe0       ? 3
+               : s[0] >= 0xf0 && s[0] < 0xf5 ? 4
+                                             : 0;
     for (size_t i = 1; i < n; i++)
         if ((s[i] & 0xc0) != 0x80) return 0;
     return n == 2 && s[0] == 0xc2 && s[1] < 0xa0 ? 0 : n; /* U+0080 to U+009F are controls */
@@ -27,8 +30,10 @@ static void put(errmsg *e, const char *text)
     for (const unsigned char *s = (const unsigned char *)text; *s;) {
         size_t n = showable(s);
         if (to + (n ? n : 1) >= sizeof e->text) break;
-        if (n) memcpy(e->text + to, s, n);
-        else e->text[to] = '?';
+        if (n)
+            memcpy(e->text + to, s, n);
+        else
+            e->text[to] = '?';
         to += n ? n : 1;
         s += n ? n : 1;
     }

@@ -12,7 +12,7 @@
 #include "image_internal.h"
 
 /* raw comes before TIFF, since many raw files are TIFFs */
-static const img_codec *const codecs[] = {&img_codec_exr, &img_codec_png, &img_codec_jpeg, &img_codec_raw,
+static const img_codec *const codecs[] = {&img_codec_exr,  &img_codec_png, &img_codec_jpeg, &img_codec_raw,
                                           &img_codec_tiff, &img_codec_pnm, &img_codec_hdr};
 enum { NCODECS = sizeof codecs / sizeof *codecs };
 
@@ -28,9 +28,11 @@ int img_bad(const img_reader *r, errmsg *e, const char *fmt, ...)
 
 int img_check_size(const char *path, int64_t width, int64_t height, errmsg *e)
 {
-    if (width < 1 || height < 1 || width > IMG_MAX_SIDE || height > IMG_MAX_SIDE || width * height > IMG_MAX_PIXELS)
-        return err_set(e, "%s: expected a picture of 1 to %d pixels a side and at most %lld in all, found %lldx%lld",
-                       path, IMG_MAX_SIDE, (long long)IMG_MAX_PIXELS, (long long)width, (long long)height);
+    if (width < 1 || height < 1 || width > IMG_MAX_SIDE || height > IMG_MAX_SIDE ||
+        width * height > IMG_MAX_PIXELS)
+        return err_set(
+            e, "%s: expected a picture of 1 to %d pixels a side and at most %lld in all, found %lldx%lld",
+            path, IMG_MAX_SIDE, (long long)IMG_MAX_PIXELS, (long long)width, (long long)height);
     return 0;
 }
 
@@ -107,8 +109,9 @@ static int choose_codec(img_reader *r, errmsg *e)
     }
     rewind(r->f);
     if (!r->codec)
-        return img_bad(r, e, "expected a picture (EXR, Radiance, PNG, JPEG, TIFF, PNM, PFM or camera raw), "
-                             "found something else");
+        return img_bad(r, e,
+                       "expected a picture (EXR, Radiance, PNG, JPEG, TIFF, PNM, PFM or camera raw), "
+                       "found something else");
     return 0;
 }
 
@@ -145,8 +148,8 @@ int img_reader_rows(img_reader *r, float *rows, int nrows, errmsg *e)
     size_t stride = (size_t)r->info.width * (size_t)r->info.channels;
     if (r->failed) return img_bad(r, e, "an earlier row could not be read");
     if (nrows < 0 || nrows > r->info.height - r->y)
-        return img_bad(r, e, "expected to read at most %d more rows, found a request for %d", r->info.height - r->y,
-                       nrows);
+        return img_bad(r, e, "expected to read at most %d more rows, found a request for %d",
+                       r->info.height - r->y, nrows);
     for (int i = 0; i < nrows; i++, r->y++) {
         if (r->codec->row(r, rows + (size_t)i * stride, e) < 0) {
             r->failed = 1;
@@ -156,8 +159,8 @@ int img_reader_rows(img_reader *r, float *rows, int nrows, errmsg *e)
     return 0;
 }
 
-int img_held_row(img_reader *r, float **held, img_order order, int (*next)(img_reader *r, float *line, errmsg *e),
-                 float *row, errmsg *e)
+int img_held_row(img_reader *r, float **held, img_order order,
+                 int (*next)(img_reader *r, float *line, errmsg *e), float *row, errmsg *e)
 {
     size_t w = (size_t)r->info.width, h = (size_t)r->info.height, c = (size_t)r->info.channels;
     if (!*held) {
@@ -200,7 +203,8 @@ static int alloc_pixels(img *im, const img_info *info, const char *path, errmsg 
 
 int img_alloc(img *im, int width, int height, int channels, errmsg *e)
 {
-    if (channels < 1 || channels > 4) return err_set(e, "new picture: expected 1 to 4 channels, found %d", channels);
+    if (channels < 1 || channels > 4)
+        return err_set(e, "new picture: expected 1 to 4 channels, found %d", channels);
     if (img_check_size("new picture", width, height, e) < 0) return -1;
     img_info info = {.width = width, .height = height, .channels = channels};
     return alloc_pixels(im, &info, "new picture", e);
@@ -219,8 +223,10 @@ int img_load(img *im, const char *path, errmsg *e)
     if (img_reader_open(&r, path, e) < 0) return -1;
     int rc = alloc_pixels(&got, &r->info, r->path, e);
     if (rc == 0) rc = img_reader_rows(r, got.pix, r->info.height, e);
-    if (rc == 0) *im = got;
-    else img_free(&got);
+    if (rc == 0)
+        *im = got;
+    else
+        img_free(&got);
     img_reader_close(r);
     return rc;
 }
@@ -253,9 +259,12 @@ void img_linearise_srgb(img *im)
         for (size_t k = 0; k < c; k++) {
             float *v = &im->pix[i * c + k];
             size_t code = *v >= 0 && (double)*v <= info->max_code ? (size_t)*v : 0;
-            if (k >= colours) *v = (float)((double)*v / info->max_code);
-            else if (table && (float)code == *v) *v = table[code];
-            else *v = (float)srgb_to_linear((double)*v / info->max_code);
+            if (k >= colours)
+                *v = (float)((double)*v / info->max_code);
+            else if (table && (float)code == *v)
+                *v = table[code];
+            else
+                *v = (float)srgb_to_linear((double)*v / info->max_code);
         }
     }
     free(table);

@@ -13,7 +13,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "image_internal.h"
+#include "image_exr.h"
 
 typedef struct exr_state {
     exr_context_t ctx;
@@ -25,6 +25,7 @@ typedef struct exr_state {
     const char *from[4]; /* names of the channels wanted, in our order */
     exr_decode_pipeline_t pipe;
     int pipe_ready;
+    img_dwa *dwa;         /* DWA has a decoder of its own */
     int chunk_x, chunk_y; /* pixel of the picture at which the chunk in the pipe begins */
 } exr_state;
 
@@ -116,21 +117,30 @@ static double positive_attr(exr_const_context_t ctx, const char *name)
 {
     float v = 0;
     const exr_attribute_t *attr = NULL;
-    if (exr_get_attribute_by_name(ctx, 0, name, &attr) != EXR_ERR_SUCCESS || attr->type != EXR_ATTR_FLOAT) return 0;
+    if (exr_get_attribute_by_name(ctx, 0, name, &attr) != EXR_ERR_SUCCESS || attr->type != EXR_ATTR_FLOAT)
+        return 0;
     v = attr->f;
     return isfinite(v) && v > 0 ? (double)v : 0;
 }
 
-/* Refuse what OpenEXRCore 3.1 gets wrong without saying so: B44 of channels that aren't HALF. */
-static int check_compression(const img_reader *r, const exr_state *s, const exr_attr_chlist_t *list, errmsg *e)
+/* What OpenEXRCore 3.1 can't decode: DWA goes another way; B44 of channels that aren't HALF, which it
+ * gets wrong without saying so, is refused. */
+static int check_compression(img_reader *r, exr_state *s, const exr_attr_chlist_t *list, errmsg *e)
 {
     exr_compression_t comp = EXR_COMPRESSION_NONE;
-    exr_get_compression(s->ctx, 0, &comp);
-    if (comp != EXR_COMPRESSION_B44 && comp != EXR_COMPRESSION_B44A) return 0;
+    const char *other = NULL; /* a channel that isn't HALF */
     for (int i = 0; i < list->num_channels; i++)
-        if (list->entries[i].pixel_type != EXR_PIXEL_HALF)
-            return img_bad(r, e, "expected half channels with B44 compression, found channel %.40s of another type",
-                           list->entries[i].name.str);
+        if (list->entries[i].pixel_type != EXR_PIXEL_HALF) other = list->entries[i].name.str;
+    exr_get_compression(s->ctx, 0, &comp);
+    if (comp == EXR_COMPRESSION_DWAA || comp == EXR_COMPRESSION_DWAB) {
+        if (strcmp(s->from[0], "R") != 0 && strcmp(s->from[0], "Y") != 0)
+            return img_bad(r, e, "expected channels R, G, B or Y with DWA compression, found %.40s",
+                           s->from[0]);
+        return img_dwa_open(&s->dwa, r, s->window.min.x, s->window.min.y, !other, e);
+    }
+    if (other && (comp == EXR_COMPRESSION_B44 || comp == EXR_COMPRESSION_B44A))
+        return img_bad(
+            r, e, "expected half channels with B44 compression, found channel %.40s of another type", other);
     return 0;
 }
 
@@ -158,7 +168,8 @@ static int open_chunks(img_reader *r, exr_state *s, errmsg *e)
     }
     rc = exr_get_chunk_unpacked_size(s->ctx, 0, &unpacked);
     if (rc != EXR_ERR_SUCCESS || s->band_rows < 1 || unpacked > INT_MAX)
-        return img_bad(r, e, "expected chunks of at most %d bytes, found %llu", INT_MAX, (unsigned long long)unpacked);
+        return img_bad(r, e, "expected chunks of at most %d bytes, found %llu", INT_MAX,
+                       (unsigned long long)unpacked);
     if (s->band_rows > r->info.height) s->band_rows = r->info.height;
     return 0;
 }
@@ -179,17 +190,19 @@ static int exr_open(img_reader *r, errmsg *e)
     if (rc != EXR_ERR_SUCCESS) return exr_bad(r, e, rc, "header");
     rc = exr_get_data_window(s->ctx, 0, &s->window);
     if (rc != EXR_ERR_SUCCESS) return exr_bad(r, e, rc, "no data window");
-    int64_t w = (int64_t)s->window.max.x - s->window.min.x + 1, h = (int64_t)s->window.max.y - s->window.min.y + 1;
+    int64_t w = (int64_t)s->window.max.x - s->window.min.x + 1,
+            h = (int64_t)s->window.max.y - s->window.min.y + 1;
     if (img_check_size(r->path, w, h, e) < 0) return -1;
     const exr_attr_chlist_t *list = NULL;
     rc = exr_get_channels(s->ctx, 0, &list);
     if (rc != EXR_ERR_SUCCESS || !list) return exr_bad(r, e, rc, "no channels");
     int channels = choose_channels(r, s, list, e);
-    if (channels < 0 || check_compression(r, s, list, e) < 0 || img_set_info(r, w, h, channels, 0, e) < 0) return -1;
+    if (channels < 0 || img_set_info(r, w, h, channels, 0, e) < 0) return -1;
     r->info.exposure_s = positive_attr(s->ctx, "expTime");
     r->info.f_number = positive_attr(s->ctx, "aperture");
     r->info.iso = positive_attr(s->ctx, "isoSpeed");
-    return open_chunks(r, s, e);
+    if (open_chunks(r, s, e) < 0) return -1;
+    return check_compression(r, s, list, e);
 }
 
 static void exr_close(img_reader *r)
@@ -198,6 +211,7 @@ static void exr_close(img_reader *r)
     if (!s) return;
     if (s->pipe_ready) exr_decoding_destroy(s->ctx, &s->pipe);
     if (s->ctx) exr_finish(&s->ctx);
+    img_dwa_close(s->dwa);
     free(s->band);
     free(s);
 }
@@ -255,8 +269,8 @@ static exr_result_t unpack(exr_decode_pipeline_t *pipe)
 }
 
 /* Decode one chunk to column x of the band that begins at row first; it must hold cols x rows pixels. */
-static int decode(img_reader *r, exr_state *s, const exr_chunk_info_t *chunk, int x, int first, int cols, int rows,
-                  errmsg *e)
+static int decode(img_reader *r, exr_state *s, const exr_chunk_info_t *chunk, int x, int first, int cols,
+                  int rows, errmsg *e)
 {
     if (chunk->width != cols || chunk->height != rows)
         return img_bad(r, e, "broken OpenEXR file: expected a chunk of %dx%d pixels, found %dx%d", cols, rows,
@@ -301,6 +315,7 @@ static int read_band(img_reader *r, exr_state *s, errmsg *e)
 static int exr_row(img_reader *r, float *row, errmsg *e)
 {
     exr_state *s = r->state;
+    if (s->dwa) return img_dwa_row(s->dwa, r, row, e);
     size_t stride = (size_t)r->info.width * (size_t)r->info.channels;
     int first = r->y - r->y % s->band_rows;
     if (!s->band) {

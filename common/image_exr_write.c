@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "image_internal.h"
+#include "image_exr.h"
 
 enum { MAX_CHANNELS = 64 };
 
@@ -38,8 +38,9 @@ static int compression(const char *path, const char *name, exr_compression_t *ou
     static const struct {
         const char *name;
         exr_compression_t code;
-    } known[] = {{"none", EXR_COMPRESSION_NONE}, {"rle", EXR_COMPRESSION_RLE}, {"zips", EXR_COMPRESSION_ZIPS},
-                 {"zip", EXR_COMPRESSION_ZIP},   {"piz", EXR_COMPRESSION_PIZ}, {"dwaa", EXR_COMPRESSION_DWAA}};
+    } known[] = {{"none", EXR_COMPRESSION_NONE}, {"rle", EXR_COMPRESSION_RLE},
+                 {"zips", EXR_COMPRESSION_ZIPS}, {"zip", EXR_COMPRESSION_ZIP},
+                 {"piz", EXR_COMPRESSION_PIZ},   {"dwaa", EXR_COMPRESSION_DWAA}};
     for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
         if (strcmp(name ? name : "zip", known[i].name) == 0) {
             *out = known[i].code;
@@ -55,7 +56,8 @@ static int list_sources(const img *im, const img_write_opts *opts, source *src)
     static const char *const names[4][4] = {{"Y"}, {"Y", "A"}, {"R", "G", "B"}, {"R", "G", "B", "A"}};
     int n = 0;
     for (; n < im->info.channels; n++)
-        src[n] = (source){names[im->info.channels - 1][n], im->pix + n, (size_t)im->info.channels, opts->type};
+        src[n] =
+            (source){names[im->info.channels - 1][n], im->pix + n, (size_t)im->info.channels, opts->type};
     for (int i = 0; i < opts->nplanes; i++) {
         const img_plane *p = &opts->planes[i];
         src[n++] = (source){p->name, p->pix, p->stride, p->type};
@@ -66,10 +68,14 @@ static int list_sources(const img *im, const img_write_opts *opts, source *src)
 static exr_result_t put_attr(exr_context_t ctx, const img_attr *a)
 {
     switch (a->kind) {
-    case IMG_ATTR_STRING: return exr_attr_set_string(ctx, 0, a->name, a->s);
-    case IMG_ATTR_FLOAT: return exr_attr_set_float(ctx, 0, a->name, (float)a->v[0]);
-    case IMG_ATTR_INT: return exr_attr_set_int(ctx, 0, a->name, (int32_t)a->v[0]);
-    case IMG_ATTR_FLOATS: return exr_attr_set_float_vector(ctx, 0, a->name, a->n, a->f);
+    case IMG_ATTR_STRING:
+        return exr_attr_set_string(ctx, 0, a->name, a->s);
+    case IMG_ATTR_FLOAT:
+        return exr_attr_set_float(ctx, 0, a->name, (float)a->v[0]);
+    case IMG_ATTR_INT:
+        return exr_attr_set_int(ctx, 0, a->name, (int32_t)a->v[0]);
+    case IMG_ATTR_FLOATS:
+        return exr_attr_set_float_vector(ctx, 0, a->name, a->n, a->f);
     case IMG_ATTR_V3F: {
         exr_attr_v3f_t v = {.x = (float)a->v[0], .y = (float)a->v[1], .z = (float)a->v[2]};
         return exr_attr_set_v3f(ctx, 0, a->name, &v);
@@ -103,7 +109,8 @@ static int write_header(exr_context_t ctx, const img *im, const char *path, cons
     return rc == EXR_ERR_SUCCESS ? 0 : failed(path, e, rc, "the header");
 }
 
-static int write_pixels(exr_context_t ctx, const img *im, const char *path, const source *src, int nsrc, errmsg *e)
+static int write_pixels(exr_context_t ctx, const img *im, const char *path, const source *src, int nsrc,
+                        errmsg *e)
 {
     exr_encode_pipeline_t pipe = EXR_ENCODE_PIPELINE_INITIALIZER;
     int32_t lines = 1;
@@ -114,7 +121,8 @@ static int write_pixels(exr_context_t ctx, const img *im, const char *path, cons
         exr_chunk_info_t chunk;
         rc = exr_write_scanline_chunk_info(ctx, 0, y, &chunk);
         if (rc != EXR_ERR_SUCCESS) break;
-        rc = started ? exr_encoding_update(ctx, 0, &chunk, &pipe) : exr_encoding_initialize(ctx, 0, &chunk, &pipe);
+        rc = started ? exr_encoding_update(ctx, 0, &chunk, &pipe)
+                     : exr_encoding_initialize(ctx, 0, &chunk, &pipe);
         if (rc != EXR_ERR_SUCCESS) break;
         for (int c = 0; c < pipe.channel_count; c++) {
             exr_coding_channel_info_t *ch = &pipe.channels[c];
@@ -139,6 +147,7 @@ int img_write_exr(const img *im, outfile *o, const char *path, const img_write_o
     source src[MAX_CHANNELS];
     exr_compression_t comp = EXR_COMPRESSION_ZIP;
     if (compression(path, opts->compression, &comp, e) < 0) return -1;
+    if (comp == EXR_COMPRESSION_DWAA) return img_write_exr_dwa(im, o, path, opts, e);
     if (opts->nplanes < 0 || opts->nplanes > MAX_CHANNELS - im->info.channels)
         return err_set(e, "%s: expected at most %d channels", path, MAX_CHANNELS);
     for (int i = 0; i < opts->nplanes; i++)

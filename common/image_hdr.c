@@ -78,7 +78,8 @@ static int header_line(img_reader *r, hdr_state *s, const char *line, errmsg *e)
     double v[3];
     if (strncmp(line, "FORMAT=", 7) == 0) {
         const char *name = line + 7 + strspn(line + 7, " \t");
-        if (strncmp(name, "32-bit_rle_xyze", 15) == 0) s->xyz = 1;
+        if (strncmp(name, "32-bit_rle_xyze", 15) == 0)
+            s->xyz = 1;
         else if (strncmp(name, "32-bit_rle_rgbe", 15) != 0)
             return img_bad(r, e, "expected FORMAT=32-bit_rle_rgbe or 32-bit_rle_xyze, found '%.100s'", line);
     } else if (strncmp(line, "EXPOSURE=", 9) == 0) {
@@ -98,9 +99,11 @@ static int resolution_line(img_reader *r, hdr_state *s, const char *line, errmsg
 {
     char sign[2], axis[2], extra;
     long size[2];
-    int n = sscanf(line, "%c%c %ld %c%c %ld %c", &sign[0], &axis[0], &size[0], &sign[1], &axis[1], &size[1], &extra);
+    int n = sscanf(line, "%c%c %ld %c%c %ld %c", &sign[0], &axis[0], &size[0], &sign[1], &axis[1], &size[1],
+                   &extra);
     int ok = n == 6;
-    for (int i = 0; ok && i < 2; i++) ok = (sign[i] == '+' || sign[i] == '-') && (axis[i] == 'X' || axis[i] == 'Y');
+    for (int i = 0; ok && i < 2; i++)
+        ok = (sign[i] == '+' || sign[i] == '-') && (axis[i] == 'X' || axis[i] == 'Y');
     if (!ok || axis[0] == axis[1])
         return img_bad(r, e, "expected a resolution like '-Y 480 +X 640', found '%.100s'", line);
     int x = axis[0] == 'X' ? 0 : 1;
@@ -148,8 +151,10 @@ static int hdr_open(img_reader *r, errmsg *e)
     for (;;) {
         long n = read_line(r->f, line, sizeof line);
         total += n;
-        if (n < 0) return img_bad(r, e, "expected a header that ends in an empty line, found the end of the file");
-        if (total > HEADER_MAX) return img_bad(r, e, "expected a header of at most %d bytes, found more", HEADER_MAX);
+        if (n < 0)
+            return img_bad(r, e, "expected a header that ends in an empty line, found the end of the file");
+        if (total > HEADER_MAX)
+            return img_bad(r, e, "expected a header of at most %d bytes, found more", HEADER_MAX);
         if (!line[0]) break;
         if (header_line(r, s, line, e) < 0) return -1;
     }
@@ -157,7 +162,8 @@ static int hdr_open(img_reader *r, errmsg *e)
         return img_bad(r, e, "expected a resolution line, found the end of the file");
     if (resolution_line(r, s, line, e) < 0) return -1;
     for (int i = 0; i < 3; i++)
-        if (!isfinite(s->scale[i]) || !(s->scale[i] > 0)) return img_bad(r, e, "EXPOSURE lines multiply out of range");
+        if (!isfinite(s->scale[i]) || !(s->scale[i] > 0))
+            return img_bad(r, e, "EXPOSURE lines multiply out of range");
     if (s->xyz) xyz_matrix(s->to_rgb);
     for (int i = 1; i < 256; i++) s->power[i] = ldexpf(1, i - 136);
     s->line = malloc((size_t)s->length * 4);

@@ -16,7 +16,7 @@
 enum { IMG_HEAD = 4096 }; /* bytes of a file that sniff() gets to see */
 
 typedef struct img_codec {
-    const char *format; /* as in img_info */
+    const char *format;                                /* as in img_info */
     int (*sniff)(const unsigned char *head, size_t n); /* is it this format? */
     int (*open)(img_reader *r, errmsg *e);
     int (*row)(img_reader *r, float *row, errmsg *e);

@@ -38,7 +38,8 @@ static void on_error(j_common_ptr c)
 static void on_message(j_common_ptr c, int level)
 {
     int code = c->err->msg_code;
-    if (level < 0 && code != JWRN_EXTRANEOUS_DATA && code != JWRN_ADOBE_XFORM && code != JWRN_JFIF_MAJOR) on_error(c);
+    if (level < 0 && code != JWRN_EXTRANEOUS_DATA && code != JWRN_ADOBE_XFORM && code != JWRN_JFIF_MAJOR)
+        on_error(c);
 }
 
 static void on_progress(j_common_ptr c)

@@ -12,7 +12,7 @@
 typedef struct png_state {
     png_structp png;
     png_infop info;
-    int bytes;           /* of a sample */
+    int bytes; /* of a sample */
     size_t row_bytes;
     unsigned char *rows; /* one row, or all of them when interlaced */
     unsigned char **row_at;
@@ -54,7 +54,8 @@ static int png_open(img_reader *r, errmsg *e)
     png_set_user_limits(s->png, IMG_MAX_SIDE, IMG_MAX_SIDE);
     png_init_io(s->png, r->f);
     png_read_info(s->png, s->info);
-    if (img_check_size(r->path, png_get_image_width(s->png, s->info), png_get_image_height(s->png, s->info), e) < 0)
+    if (img_check_size(r->path, png_get_image_width(s->png, s->info), png_get_image_height(s->png, s->info),
+                       e) < 0)
         return -1;
     png_set_expand(s->png);
     s->interlaced = png_set_interlace_handling(s->png) > 1;
@@ -63,8 +64,8 @@ static int png_open(img_reader *r, errmsg *e)
     s->row_bytes = png_get_rowbytes(s->png, s->info);
     int channels = png_get_channels(s->png, s->info);
     if (channels < 1 || channels > 4) return img_bad(r, e, "expected 1 to 4 channels, found %d", channels);
-    return img_set_info(r, png_get_image_width(s->png, s->info), png_get_image_height(s->png, s->info), channels,
-                        s->bytes == 2 ? 65535 : 255, e);
+    return img_set_info(r, png_get_image_width(s->png, s->info), png_get_image_height(s->png, s->info),
+                        channels, s->bytes == 2 ? 65535 : 255, e);
 }
 
 static void png_close(img_reader *r)
@@ -164,9 +165,12 @@ int img_write_png(const img *im, outfile *o, const char *path, const img_write_o
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, words, keep_error, no_warning);
     if (png) info = png_create_info_struct(png);
     volatile int rc = 0;
-    if (!line || !info) rc = err_set(e, "%s: out of memory", path);
-    else if (setjmp(png_jmpbuf(png))) rc = err_set(e, "%s: can't write PNG: %s", path, words);
-    else png_write_all(png, info, im, out_stream(o), opts->comment, line);
+    if (!line || !info)
+        rc = err_set(e, "%s: out of memory", path);
+    else if (setjmp(png_jmpbuf(png)))
+        rc = err_set(e, "%s: can't write PNG: %s", path, words);
+    else
+        png_write_all(png, info, im, out_stream(o), opts->comment, line);
     if (png) png_destroy_write_struct(&png, info ? &info : NULL);
     free(line);
     return rc;

@@ -10,11 +10,11 @@
 #include "image_internal.h"
 
 typedef struct pnm_state {
-    char kind;        /* '2' '3' '5' '6' 'f' 'F' */
-    int max, bytes;   /* of a code */
-    int big;          /* PFM: most significant byte first */
-    double factor;    /* PFM */
-    int64_t data;     /* offset of the pixels */
+    char kind;      /* '2' '3' '5' '6' 'f' 'F' */
+    int max, bytes; /* of a code */
+    int big;        /* PFM: most significant byte first */
+    double factor;  /* PFM */
+    int64_t data;   /* offset of the pixels */
     unsigned char *line;
 } pnm_state;
 
@@ -29,9 +29,12 @@ static int skip_space(FILE *f, int *budget)
 {
     int c, comment = 0;
     while ((c = getc_unlocked(f)) != EOF && (*budget)-- > 0) {
-        if (comment) comment = c != '\n';
-        else if (c == '#') comment = 1;
-        else if (!isspace(c)) return c;
+        if (comment)
+            comment = c != '\n';
+        else if (c == '#')
+            comment = 1;
+        else if (!isspace(c))
+            return c;
     }
     return EOF;
 }
@@ -73,7 +76,8 @@ static int pnm_open(img_reader *r, errmsg *e)
     if (w < 0 || h < 0) return img_bad(r, e, "broken PNM header: expected width and height");
     if (pfm) {
         double scale;
-        if (read_scale(r->f, &scale) < 0) return img_bad(r, e, "broken PFM header: expected a scale that is not 0");
+        if (read_scale(r->f, &scale) < 0)
+            return img_bad(r, e, "broken PFM header: expected a scale that is not 0");
         s->big = scale > 0;
         s->factor = fabs(scale);
         s->bytes = 4;

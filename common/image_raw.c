@@ -32,8 +32,9 @@ static int begins(const unsigned char *head, size_t n, size_t at, const char *ma
 static int raw_sniff(const unsigned char *head, size_t n)
 {
     return img_codec_tiff.sniff(head, n) || begins(head, n, 0, "IIRO", 4) || begins(head, n, 0, "IIRS", 4) ||
-           begins(head, n, 0, "MMOR", 4) || begins(head, n, 0, "IIU\0", 4) || begins(head, n, 0, "FUJIFILM", 8) ||
-           begins(head, n, 0, "FOVb", 4) || begins(head, n, 0, "\0MRM", 4) || begins(head, n, 6, "HEAPCCDR", 8) ||
+           begins(head, n, 0, "MMOR", 4) || begins(head, n, 0, "IIU\0", 4) ||
+           begins(head, n, 0, "FUJIFILM", 8) || begins(head, n, 0, "FOVb", 4) ||
+           begins(head, n, 0, "\0MRM", 4) || begins(head, n, 6, "HEAPCCDR", 8) ||
            begins(head, n, 4, "ftypcrx ", 8);
 }
 
@@ -48,7 +49,15 @@ static uint32_t number_at(const unsigned char *p, int bytes, int big)
  * a preview; DNG and CR2 say what they are. */
 int img_tiff_is_raw(FILE *f)
 {
-    enum { MAKE = 271, SUBFILE = 254, COMPRESSION = 259, PHOTOMETRIC = 262, DNG = 50706, OLD_JPEG = 6, LAST_KNOWN = 50000 };
+    enum {
+        MAKE = 271,
+        SUBFILE = 254,
+        COMPRESSION = 259,
+        PHOTOMETRIC = 262,
+        DNG = 50706,
+        OLD_JPEG = 6,
+        LAST_KNOWN = 50000
+    };
     unsigned char head[12], entry[12];
     int raw = 0, make = 0, hint = 0;
     int64_t back = ftello(f);
@@ -65,7 +74,8 @@ int img_tiff_is_raw(FILE *f)
                 if (tag == MAKE) make = 1;
                 if (tag == SUBFILE && (v & 1)) hint = 1;
                 if (tag == PHOTOMETRIC && (v == 32803 || v == 34892)) hint = 1;
-                if (tag == COMPRESSION && (v == OLD_JPEG || (v > 32773 && v < 34000 && v != 32946) || v > LAST_KNOWN + 1))
+                if (tag == COMPRESSION &&
+                    (v == OLD_JPEG || (v > 32773 && v < 34000 && v != 32946) || v > LAST_KNOWN + 1))
                     hint = 1; /* a maker's own */
             }
         }
@@ -113,9 +123,9 @@ static int raw_open(img_reader *r, errmsg *e)
     if (!s->file || !s->raw) return img_bad(r, e, "out of memory");
     if (fread(s->file, 1, size, r->f) != size) return img_bad(r, e, "can't read");
     libraw_set_dataerror_handler(s->raw,
-                                 _Generic((data_callback)0,
-                                     void (*)(void *, const char *, const int): on_data_error,
-                                     default: on_data_error_64),
+                                 _Generic((data_callback)0, void (*)(void *, const char *, const int)
+                                          : on_data_error, default
+                                          : on_data_error_64),
                                  s);
     libraw_output_params_t *p = &s->raw->params;
     p->use_camera_wb = 1;
@@ -157,8 +167,8 @@ static int develop(img_reader *r, raw_state *s, errmsg *e)
     if (s->broken) return img_bad(r, e, "broken camera raw file: pixels missing or damaged");
     if (s->image->type != LIBRAW_IMAGE_BITMAP || s->image->bits != 16 || s->image->width != r->info.width ||
         s->image->height != r->info.height || (s->image->colors != 3 && s->image->colors != 1))
-        return img_bad(r, e, "expected a raw picture of %dx%d pixels, found %dx%d with %d channels", r->info.width,
-                       r->info.height, s->image->width, s->image->height, s->image->colors);
+        return img_bad(r, e, "expected a raw picture of %dx%d pixels, found %dx%d with %d channels",
+                       r->info.width, r->info.height, s->image->width, s->image->height, s->image->colors);
     return 0;
 }
 

@@ -19,17 +19,17 @@ static const uint64_t buffer_max = (uint64_t)1 << 31; /* bytes of a strip or til
 
 typedef struct tiff_state {
     TIFF *tif;
-    uint32_t width, height, rows;    /* rows of a strip or tile */
+    uint32_t width, height, rows; /* rows of a strip or tile */
     uint16_t bits, samples, photometric;
     int is_float, separate, tiled, palette;
     uint32_t tile_w;
-    uint16_t *map[3];                /* palette, libtiff's */
-    size_t unit, unit_row;           /* bytes of a strip or tile, and of its line */
-    size_t units;                    /* buffers held: planes, times tiles of a row */
+    uint16_t *map[3];      /* palette, libtiff's */
+    size_t unit, unit_row; /* bytes of a strip or tile, and of its line */
+    size_t units;          /* buffers held: planes, times tiles of a row */
     unsigned char *buf;
-    uint32_t band;                   /* which row of strips or tiles is in buf; UINT32_MAX: none */
+    uint32_t band; /* which row of strips or tiles is in buf; UINT32_MAX: none */
     img_order order;
-    uint32_t y;                      /* next stored line */
+    uint32_t y; /* next stored line */
     float *held;
 } tiff_state;
 
@@ -81,8 +81,10 @@ static int read_layout(img_reader *r, tiff_state *s, errmsg *e)
         s->photometric = PHOTOMETRIC_RGB;
     }
     s->is_float = format == SAMPLEFORMAT_IEEEFP && s->bits == 32;
-    if (!s->is_float && !((format == SAMPLEFORMAT_UINT || format == SAMPLEFORMAT_VOID) && (s->bits == 8 || s->bits == 16)))
-        return img_bad(r, e, "expected 8 or 16 bit unsigned or 32 bit float samples, found %d bit of format %d",
+    if (!s->is_float &&
+        !((format == SAMPLEFORMAT_UINT || format == SAMPLEFORMAT_VOID) && (s->bits == 8 || s->bits == 16)))
+        return img_bad(r, e,
+                       "expected 8 or 16 bit unsigned or 32 bit float samples, found %d bit of format %d",
                        s->bits, format);
     s->palette = s->photometric == PHOTOMETRIC_PALETTE;
     int colours = s->photometric == PHOTOMETRIC_RGB ? 3 : 1;
@@ -104,7 +106,8 @@ static int read_units(img_reader *r, tiff_state *s, errmsg *e)
     uint64_t unit, unit_row;
     s->tiled = TIFFIsTiled(s->tif);
     if (s->tiled) {
-        if (!TIFFGetField(s->tif, TIFFTAG_TILEWIDTH, &s->tile_w) || !TIFFGetField(s->tif, TIFFTAG_TILELENGTH, &s->rows))
+        if (!TIFFGetField(s->tif, TIFFTAG_TILEWIDTH, &s->tile_w) ||
+            !TIFFGetField(s->tif, TIFFTAG_TILELENGTH, &s->rows))
             return tiff_bad(r, e, "no tile size");
         unit = TIFFTileSize64(s->tif);
         unit_row = TIFFTileRowSize64(s->tif);
@@ -157,8 +160,8 @@ static int tiff_open(img_reader *r, errmsg *e)
     s->order.columns = orientation >= ORIENTATION_LEFTTOP;
     s->order.flip_x = orientation == 2 || orientation == 3 || orientation == 6 || orientation == 7;
     s->order.flip_y = orientation == 3 || orientation == 4 || orientation == 7 || orientation == 8;
-    if (img_set_info(r, s->order.columns ? s->height : s->width, s->order.columns ? s->width : s->height, channels,
-                     max, e) < 0)
+    if (img_set_info(r, s->order.columns ? s->height : s->width, s->order.columns ? s->width : s->height,
+                     channels, max, e) < 0)
         return -1;
     return read_units(r, s, e);
 }
@@ -220,7 +223,8 @@ static double sample_at(const tiff_state *s, const unsigned char *p)
 static int tiff_line(img_reader *r, float *line, errmsg *e)
 {
     tiff_state *s = r->state;
-    size_t nc = (size_t)r->info.channels, bytes = s->bits / 8u, across = s->units / (s->separate ? s->samples : 1u);
+    size_t nc = (size_t)r->info.channels, bytes = s->bits / 8u,
+           across = s->units / (s->separate ? s->samples : 1u);
     last_words[0] = 0;
     if (!s->buf) {
         s->buf = calloc(s->units, s->unit);
@@ -233,8 +237,10 @@ static int tiff_line(img_reader *r, float *line, errmsg *e)
         size_t tile = s->tiled ? x / s->tile_w : 0, col = s->tiled ? x % s->tile_w : x;
         for (size_t c = 0; c < file_channels; c++) {
             const unsigned char *p = s->buf + in_unit * s->unit_row;
-            if (s->separate) p += (c * across + tile) * s->unit + col * bytes;
-            else p += tile * s->unit + (col * s->samples + c) * bytes;
+            if (s->separate)
+                p += (c * across + tile) * s->unit + col * bytes;
+            else
+                p += tile * s->unit + (col * s->samples + c) * bytes;
             double v = sample_at(s, p);
             if (s->palette) {
                 for (size_t k = 0; k < 3; k++) line[3 * x + k] = s->map[k][(size_t)v];

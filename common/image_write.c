@@ -17,8 +17,8 @@ static int ends_with(const char *path, const char *ending)
 }
 
 /* Every value finite, and where asked within HALF's range?  The first that isn't is named. */
-static int check_values(const char *path, const char *what, const float *pix, size_t stride, int channels, int w,
-                        int h, int half, errmsg *e)
+static int check_values(const char *path, const char *what, const float *pix, size_t stride, int channels,
+                        int w, int h, int half, errmsg *e)
 {
     for (int y = 0; y < h; y++) {
         for (int x = 0; x < w; x++) {
@@ -28,9 +28,11 @@ static int check_values(const char *path, const char *what, const float *pix, si
                     return err_set(e, "%s: expected finite values, found %g in %s %d of pixel (%d, %d)", path,
                                    (double)p[c], what, c, x, y);
                 if (half && fabsf(p[c]) > half_max)
-                    return err_set(e, "%s: expected values up to 65504 for type half, found %g in %s %d of pixel "
-                                      "(%d, %d); write float or scale",
-                                   path, (double)p[c], what, c, x, y);
+                    return err_set(
+                        e,
+                        "%s: expected values up to 65504 for type half, found %g in %s %d of pixel "
+                        "(%d, %d); write float or scale",
+                        path, (double)p[c], what, c, x, y);
             }
         }
     }
@@ -56,15 +58,19 @@ int img_write(const img *im, const char *path, const img_write_opts *opts, errms
     if (img_check_size(path, info->width, info->height, e) < 0) return -1;
 
     img_write_opts given = {0};
-    if (opts) given = *opts;
-    else given.type = fits_half(im) ? IMG_HALF : IMG_FLOAT;
-    if (given.nplanes && !exr) return err_set(e, "%s: expected a name that ends in .exr for extra channels", path);
-    if (check_values(path, "channel", im->pix, (size_t)info->channels, info->channels, info->width, info->height,
-                     exr && given.type == IMG_HALF, e) < 0)
+    if (opts)
+        given = *opts;
+    else
+        given.type = fits_half(im) ? IMG_HALF : IMG_FLOAT;
+    if (given.nplanes && !exr)
+        return err_set(e, "%s: expected a name that ends in .exr for extra channels", path);
+    if (check_values(path, "channel", im->pix, (size_t)info->channels, info->channels, info->width,
+                     info->height, exr && given.type == IMG_HALF, e) < 0)
         return -1;
     for (int i = 0; i < given.nplanes; i++) {
         const img_plane *p = &given.planes[i];
-        if (check_values(path, p->name, p->pix, p->stride, 1, info->width, info->height, p->type == IMG_HALF, e) < 0)
+        if (check_values(path, p->name, p->pix, p->stride, 1, info->width, info->height, p->type == IMG_HALF,
+                         e) < 0)
             return -1;
     }
 

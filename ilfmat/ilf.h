@@ -178,12 +178,25 @@ static inline double ilf_excess_part(const float rgb[3], double threshold)
  * reaches; else it is owned by the sampler and valid until the next call. */
 ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *sampler, const double point[3], ilf_error *err);
 
+/* A lamp: bright patches that lie together as seen from somewhere. */
+typedef struct ilf_lamp {
+    double position[3]; /* frame's coordinates; very far for light at infinity */
+    double radius;      /* about that of a ball that holds it; patches half on a thing behind it don't count */
+    double excess;      /* its largest luminance over the threshold */
+} ilf_lamp;
+
+/* The lamps, brightest first, that can be seen from within a ball (frame's coordinates).
+ * At most `most` are written to lamps, their number to *n. */
+ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *sampler, const double centre[3],
+                             double radius, ilf_error *err);
+
 /* One direction drawn from a slice. */
 typedef struct ilf_draw {
     double dir[3];   /* unit vector in the plane's own coordinates (u, v, n), n > 0 */
     double pdf;      /* density per steradian */
-    double distance; /* about how far away the light there is; HUGE_VAL: no light is expected there */
-    double bound;    /* largest excess luminance that the cube may see there */
+    double near, far; /* about how far away the light there is: the same but where one thing stands before another;
+                       * HUGE_VAL: no light is expected there */
+    double bound;    /* excess luminance that may be expected there at most */
 } ilf_draw;
 
 /* Draw a direction distributed as the slice's map: u in [0, 1) runs through the map along a

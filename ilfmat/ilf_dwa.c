@@ -1,8 +1,8 @@
 /*
  * ilf_dwa.c - decode the DWA compressions, which OpenEXR 3.1's core library leaves to the older library.
  *
- * That library's C interface reads half RGBA tiles.  No precision is lost: DWA itself turns every
- * channel into halves before it compresses.
+ * That library's C interface reads half RGBA tiles.  What DWA compresses it turns into halves itself; only where
+ * a tile of FLOAT channels did not compress is more lost here, and a value beyond 65504 is then refused as infinite.
  */
 #include <ImfCRgbaFile.h>
 #include <stdlib.h>

@@ -12,6 +12,7 @@
  * to the next, which multiplies any error of position, and the scene may lie far from the
  * world's origin.
  */
+#include "ilf_angle.h"
 #include "ilf_internal.h"
 
 /* Coordinates in the plane's frame. */
@@ -40,53 +41,69 @@ static double probe_position(int i, double len, int n)
     return n == 1 ? 0.5 * len : len * i / (n - 1);
 }
 
-/* Add w times the row's value at column coordinate (x0, x1, a). */
-static void add_row(double rgb[3], const ilf *f, const unsigned char *row, size_t x0, size_t x1, double a, double w)
-{
-    for (int c = 0; c < 3; c++) {
-        const unsigned char *p = row + f->chan_offset[c];
-        const double t0 = ilf_texel(f, p + x0 * f->texel_bytes), t1 = ilf_texel(f, p + x1 * f->texel_bytes);
-        rgb[c] += w * (t0 + a * (t1 - t0));
-    }
-}
+/* Where a direction falls in a probe: the same in all of them when there is no depth correction. */
+typedef struct place {
+    size_t x0, x1; /* bytes from the row's start to the two columns' texels */
+    double a;      /* weight of the second column */
+    size_t row;    /* bytes to the first row */
+    double top;    /* weight of the first row; the rest is below's */
+    enum { NEXT_ROW, POLE_ABOVE, POLE_BELOW, NOTHING } below;
+} place;
 
-static void add_pole(double rgb[3], const float pole[3], double w)
-{
-    for (int c = 0; c < 3; c++) rgb[c] += w * (double)pole[c];
-}
-
-/* Add w times probe p's radiance from direction d (any length > 0). */
-static void add_probe(double rgb[3], const ilf *f, const probe *p, vec d, double w)
+static place find_place(const ilf *f, vec d)
 {
     const int nt = f->info.n_theta, np = f->info.n_phi;
-    double phi = atan2(sqrt(d.u * d.u + d.v * d.v), d.n);
-    const double theta = atan2(d.v, d.u);
+    const double phi = fmin(ilf_atan2(sqrt(d.u * d.u + d.v * d.v), d.n), f->info.polar_valid);
+    const double theta = ilf_atan2(d.v, d.u);
+    place at;
 
-    phi = fmin(phi, f->info.polar_valid);
-
-    /* column: theta wraps */
+    /* column: theta wraps; fx lies in [-1/2, n_theta - 1/2] */
     const double fx = (theta + ILF_PI) * (nt / (2 * ILF_PI)) - 0.5;
-    const double cx = floor(fx), a = fx - cx;
-    const size_t x0 = (size_t)(((int)cx % nt + nt) % nt), x1 = x0 + 1 == (size_t)nt ? 0 : x0 + 1;
+    int x0 = (int)(fx + 1) - 1, x1 = x0 + 1;
+    at.a = fx - x0;
+    if (x0 < 0) x0 += nt;
+    if (x0 >= nt) x0 -= nt;
+    if (x1 >= nt) x1 -= nt;
+    at.x0 = (size_t)x0 * f->texel_bytes;
+    at.x1 = (size_t)x1 * f->texel_bytes;
 
     /* row: towards a pole the value goes to the mean of the nearest row */
     const double fy = phi * (np / f->info.polar_max) - 0.5;
     if (fy < 0) {
-        const double t = fmax(2 * fy + 1, 0);
-        add_pole(rgb, p->pole[0], w * (1 - t));
-        add_row(rgb, f, p->pix, x0, x1, a, w * t);
+        at.row = 0;
+        at.top = fmax(2 * fy + 1, 0);
+        at.below = POLE_ABOVE;
     } else if (fy >= np - 1) {
-        const unsigned char *last = p->pix + (size_t)(np - 1) * f->row_bytes;
-        const double t = f->full_sphere ? fmin(2 * (fy - (np - 1)), 1) : 0;
-        add_row(rgb, f, last, x0, x1, a, w * (1 - t));
-        if (t > 0) add_pole(rgb, p->pole[1], w * t);
+        at.row = (size_t)(np - 1) * f->row_bytes;
+        at.top = f->full_sphere ? 1 - fmin(2 * (fy - (np - 1)), 1) : 1;
+        at.below = f->full_sphere ? POLE_BELOW : NOTHING;
     } else {
-        const size_t y0 = (size_t)fy;
-        const double b = fy - (double)y0;
-        const unsigned char *row = p->pix + y0 * f->row_bytes;
-        add_row(rgb, f, row, x0, x1, a, w * (1 - b));
-        add_row(rgb, f, row + f->row_bytes, x0, x1, a, w * b);
+        const int y0 = (int)fy;
+        at.row = (size_t)y0 * f->row_bytes;
+        at.top = 1 - (fy - y0);
+        at.below = NEXT_ROW;
     }
+    return at;
+}
+
+/* Add w times probe p's radiance at a place: as rows to be read, or to sum. */
+static int add_probe(ilf_tap *tap, double sum[3], const ilf *f, const probe *p, const place *at, double w)
+{
+    const double top = w * at->top, rest = w - top;
+
+    tap[0] = (ilf_tap){p->pix + at->row, at->x0, at->x1, top - top * at->a, top * at->a};
+    switch (at->below) {
+    case NEXT_ROW:
+        tap[1] = (ilf_tap){tap[0].row + f->row_bytes, at->x0, at->x1, rest - rest * at->a, rest * at->a};
+        return 2;
+    case POLE_ABOVE:
+    case POLE_BELOW:
+        for (int c = 0; c < 3; c++) sum[c] += rest * (double)p->pole[at->below == POLE_BELOW][c];
+        break;
+    case NOTHING:
+        break;
+    }
+    return 1;
 }
 
 /* The largest coordinate's size, so that directions of any length can be brought near 1. */
@@ -103,10 +120,10 @@ static vec scaled(vec a, double s)
 ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3], const double dir[3],
                     const double *hit, ilf_mode mode, ilf_error *err)
 {
-    const double *at = hit ? hit : origin;
+    const double *from = hit ? hit : origin;
 
     for (int c = 0; c < 3; c++)
-        if (!isfinite(at[c]) || !isfinite(dir[c]))
+        if (!isfinite(from[c]) || !isfinite(dir[c]))
             return ilf_fail(err, ILF_ERR_ARG, "ray: expected finite coordinates");
     vec d = to_frame(fr, dir);
     const double size = largest(d);
@@ -117,7 +134,7 @@ ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const doubl
         rgb[0] = rgb[1] = rgb[2] = 0;
         return ILF_OK;
     }
-    const double rel[3] = {at[0] - fr->origin[0], at[1] - fr->origin[1], at[2] - fr->origin[2]};
+    const double rel[3] = {from[0] - fr->origin[0], from[1] - fr->origin[1], from[2] - fr->origin[2]};
     const vec h = to_frame(fr, rel);
     /* back to the plane; at grazing angles the quotient may overflow, which the clamp takes */
     const double back = h.n == 0 ? 0 : h.n / d.n;
@@ -127,8 +144,13 @@ ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const doubl
     const double s = grid_coordinate(pu, fr->len_u, n_u), t = grid_coordinate(pv, fr->len_v, n_v);
     const int i0 = (int)s, j0 = (int)t;
     const double a = s - i0, b = t - j0;
+    const int corrected = hit && mode == ILF_DEPTH;
     double sum[3] = {0, 0, 0};
+    ilf_tap tap[8];
+    int taps = 0;
+    place at = {0};
 
+    if (!corrected) at = find_place(f, d);
     for (int k = 0; k < 4; k++) {
         const int i = i0 + (k & 1), j = j0 + (k >> 1);
         const double w = (k & 1 ? a : 1 - a) * (k >> 1 ? b : 1 - b);
@@ -137,15 +159,15 @@ ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const doubl
         const int64_t m = (int64_t)j * n_u + i;
         const ilf_status st = ilf_need_probe(f, m, err);
         if (st != ILF_OK) return st;
-        vec look = d;
-        if (hit && mode == ILF_DEPTH) {
+        if (corrected) {
             const double qu = probe_position(i, fr->len_u, n_u), qv = probe_position(j, fr->len_v, n_v);
             const vec to = {h.u - qu - qv * fr->cos_uv, h.v - qv - qu * fr->cos_uv, h.n};
             const double dist = largest(to);
-            if (dist > 0) look = scaled(to, 1 / dist);
+            at = find_place(f, dist > 0 ? scaled(to, 1 / dist) : d);
         }
-        add_probe(sum, f, &f->probes[m], look, w);
+        taps += add_probe(tap + taps, sum, f, &f->probes[m], &at, w);
     }
+    f->sum(sum, f, tap, taps);
     for (int c = 0; c < 3; c++) rgb[c] = (float)sum[c];
     return ILF_OK;
 }

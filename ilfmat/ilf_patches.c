@@ -17,6 +17,7 @@
 /* Angular size of a patch that is aimed at, and how many patches are too many. */
 #define PATCH_SIZE (1.0 * ILF_PI / 180)
 #define MAX_PATCHES 24000
+#define LARGE_PATCH (10 * ILF_PI / 180)
 
 /* Light that is infinitely far away is put here, in units of the sampled rectangle's size. */
 #define FAR_AWAY 1e5
@@ -144,22 +145,21 @@ static void make_patch(patch *p, const ilf_sampler *s, int i, int j, const int x
     const double q[3] = {in->n_u == 1 ? 0.5 * s->frame.len_u : s->frame.len_u * i / (in->n_u - 1),
                          in->n_v == 1 ? 0.5 * s->frame.len_v : s->frame.len_v * j / (in->n_v - 1), 0};
     double lo = (y[0] - 0.5) * dp, hi = (y[1] + 0.5) * dp, d[3], centre[3], radius = 0;
-    const double t0 = (x[0] - 0.5) * dt - ILF_PI, t1 = (x[1] + 0.5) * dt - ILF_PI;
     const int at_pole = y[0] == 0;
+    const double middle = 0.5 * (x[0] + x[1]) * dt - ILF_PI;
+    const double side = at_pole ? ILF_PI : fmin((0.5 * (x[1] - x[0]) + 0.5) * dt, ILF_PI);
 
     if (y[1] >= valid_rows(s->field)) hi = fmax(hi, ILF_PI / 2);
     hi = fmin(hi, ILF_PI);
-    lo = fmax(lo, 0);
-    direction(d, 0.5 * (t0 + t1), at_pole ? 0 : 0.5 * (lo + hi));
+    lo = at_pole ? 0 : fmax(lo, 0);
+    direction(d, middle, at_pole ? 0 : 0.5 * (lo + hi));
     light_from(centre, s, q, d);
-    for (int k = 0; k < 8; k++) { /* corners and the middles of the sides */
-        static const double along[8] = {0, 0.5, 1, 1, 1, 0.5, 0, 0}, down[8] = {0, 0, 0, 0.5, 1, 1, 1, 0.5};
+    /* a small patch by corners and middles of its sides; in a large one the geometry may be anything */
+    const int steps = at_pole || fmax(2 * side * sin(fmin(hi, ILF_PI / 2)), hi - lo) > LARGE_PATCH ? 8 : 2;
+    for (int k = 0; k < (steps + 1) * (steps + 1); k++) {
         double edge[3];
 
-        if (at_pole)
-            direction(d, k * (ILF_PI / 4), hi);
-        else
-            direction(d, t0 + along[k] * (t1 - t0), lo + down[k] * (hi - lo));
+        direction(d, middle + side * (2.0 * (k % (steps + 1)) / steps - 1), lo + (hi - lo) * (k / (steps + 1)) / steps);
         light_from(edge, s, q, d);
         radius = fmax(radius, distance3(edge, centre));
     }

@@ -51,7 +51,7 @@ static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compressio
 {
     ilf_frame frame;
     const int sides[4] = {s->n_u, s->n_v, s->n_theta, s->n_phi};
-    const char *name = s->compression ? s->compression : "none";
+    const char *name = s->compression ? s->compression : "none"; /* of the compression */
     int k = 0;
 
     for (int c = 0; c < 4; c++)

@@ -46,14 +46,14 @@
  */
 
 #ifndef ILFCAND
-#define ILFCAND		4		/* candidates per shadow ray */
+#define  ILFCAND		4		/* candidates per shadow ray */
 #endif
-#define ILFMINCAND	8		/* but at least this many */
-#define ILFHIST		48		/* tests before we believe history */
-#define ILFSURE		8		/* fewer rays where we do */
-#define ILFOMEGA	1e-6		/* solid angle for coefficients */
-#define ILFDOUBT	.1		/* part of bound added to estimate */
-#define ILFMAXPASS	64		/* objects to pass to our surface */
+#define  ILFMINCAND	8		/* but at least this many */
+#define  ILFHIST		48		/* tests before we believe history */
+#define  ILFSURE		8		/* fewer rays where we do */
+#define  ILFOMEGA	1e-6		/* solid angle for coefficients */
+#define  ILFDOUBT	.01		/* part of bound added to estimate */
+#define  ILFMAXPASS	64		/* objects to pass to our surface */
 
 typedef struct {
 	FVECT  dir;		/* direction */
@@ -61,6 +61,8 @@ typedef struct {
 	double  targ;		/* f X */
 	double  wt;		/* f X / p */
 }  ILFCND;			/* a candidate */
+
+int  dirparts = DIRDIFF|DIRSPEC;	/* components of coefficients */
 
 static ILFMAT  *ilfsrcs = NULL;		/* light fields to sample */
 
@@ -115,6 +117,9 @@ dropilf(			/* forget material about to be freed */
 		}
 	ilf_sampler_close(ip->smp);
 	ip->smp = NULL;
+	free((void *)ip->ball);
+	ip->ball = NULL;
+	ip->nballs = -1;
 }
 
 
@@ -164,7 +169,7 @@ ilfsampler(			/* find what is bright in light field */
 	spec.context = ip->m;
 	if (ilf_sampler_open(&ip->smp, ip->file->field, &ip->frame,
 			&spec, &err) != ILF_OK)
-		objerror(ip->m, USER, err.text);
+		ilferror(ip->m, &err);
 	setuptime += (double)(clock() - start) / CLOCKS_PER_SEC;
 	return(ip->smp);
 }
@@ -177,6 +182,8 @@ sampledat(			/* does ray's surface sample light fields? */
 {
 	int  n = ambounce > 1 ? ambounce : 1;
 				/* as deep as blind rays would see them */
+	if (inglintray())
+		return(0);
 	if (r->crtype & AMBIENT)
 		for ( ; r != NULL; r = r->parent)
 			if (r->rtype & AMBIENT && --n <= 0)
@@ -199,12 +206,49 @@ ilfpart(			/* which part does a ray see? */
 	while (rp->rtype & TRANS && rp->parent != NULL &&
 			DOT(rp->rdir, rp->parent->rdir) >= 1. - 1e-9)
 		rp = rp->parent;
-	if (r->crtype & SHADOW)	/* aimed at us, and not deflected */
-		return(rp->rtype & SHADOW && r->rsrc == ip->sn ?
-				ILF_EXCESS : ILF_NONE);
-	if (rp->rtype & (AMBIENT|SPECULAR) && sampledat(rp->parent))
-		return(ILF_BASE);
+	if (r->crtype & SHADOW) {	/* aimed at us, and not deflected */
+		if (!(rp->rtype & SHADOW) | (r->rsrc != ip->sn))
+			return(ILF_NONE);
+		if (inglintray())
+			return(glintmet(rp) ? ILF_GLINT : ILF_NONE);
+		return(ILF_EXCESS);
+	}
+	if (inglintray())
+		return(rp->rtype & REFLECTED && glintmet(rp) ?
+				ILF_GLINT : ILF_NONE);
+	if (rp->rtype & (AMBIENT|SPECULAR))
+		return(ILF_BASE);	/* surface sampled the rest */
+	if (rp->rtype & REFLECTED && rp->parent != NULL &&
+			glintdone(ip, rp->parent))
+		return(ILF_BASE);	/* counted as a glint */
 	return(ILF_ALL);
+}
+
+
+static double
+excessat(			/* look up excess, nothing being traced */
+	ILFMAT  *ip,
+	FVECT  org,
+	FVECT  dir,
+	double  dist		/* about how far away the light is */
+)
+{
+	ilf_error  err;
+	ilf_mode  mode = ILF_NO_DEPTH;
+	FVECT  hit;
+	float  rgb[3];
+
+	if (ip->mode == ILF_DEPTH && dist < FHUGE) {
+		VSUM(hit, org, dir, dist);
+		mode = ILF_DEPTH;
+	} else {
+		VCOPY(hit, org);
+	}
+	if (ilf_eval(rgb, ip->file->field, &ip->frame, NULL, dir, hit,
+			mode, &err) != ILF_OK)
+		ilferror(ip->m, &err);
+	return(ilf_luminance(rgb) * ilf_excess_part(rgb,
+			ilf_sampler_threshold(ip->smp)));
 }
 
 
@@ -220,12 +264,9 @@ drawcands(			/* draw and weigh candidates */
 )
 {
 	ilf_draw  dr;
-	ilf_error  err;
 	ILFCND  *cp;
-	FVECT  hit;
-	float  rgb[3];
-	double  x0, x1, x2, d;
-	int  i, j, n;
+	double  x0, x1, x2, d, x;
+	int  i, j;
 	
 	if (nc > maxcand) {
 		cand = (ILFCND *)realloc((void *)cand, nc*sizeof(ILFCND));
@@ -255,19 +296,16 @@ drawcands(			/* draw and weigh candidates */
 		scalecolor(cp->coef, 1./ILFOMEGA);
 		d *= 1./ILFOMEGA;
 					/* estimate what's there */
-		if ((n = ip->mode == ILF_DEPTH && dr.distance < FHUGE)) {
-			VSUM(hit, r->rop, cp->dir, dr.distance);
-		} else {
-			VCOPY(hit, r->rop);
-		}
-		if (ilf_eval(rgb, ip->file->field, &ip->frame, NULL, cp->dir,
-				hit, n ? ILF_DEPTH : ILF_NO_DEPTH, &err) != ILF_OK)
-			objerror(ip->m, USER, err.text);
-		cp->targ = d * (ilf_luminance(rgb) * ilf_excess_part(rgb,
-				ilf_sampler_threshold(ip->smp)));
-		if (ip->mode == ILF_DEPTH)
+		cp->targ = d * excessat(ip, r->rop, cp->dir, dr.far);
+		if (ip->mode == ILF_DEPTH) {
+			if (dr.near < .98*dr.far) {
+				x = d * excessat(ip, r->rop, cp->dir, dr.near);
+				if (x > cp->targ)
+					cp->targ = x;
+			}
 			cp->targ += ILFDOUBT * d * (dr.bound +
 					ilf_sampler_threshold(ip->smp));
+		}
 		if (cp->targ <= 0.0)
 			continue;
 		*wsum += cp->wt = cp->targ / dr.pdf;
@@ -292,9 +330,18 @@ sampleilf(			/* add light field's excess */
 	ILFCND  *cp;
 	RAY  sr;
 	int  ns, nc, n, k;
-
+					/* which component? */
+	n = dirparts;
+	if (!sampledat(r))
+		n = isglossy(r) ? DIRSPEC : 0;
+	if (inglintray())
+		n &= DIRSPEC;
+	else if (r->rtype & (AMBIENT|SPECULAR) && glintdone(ip, r))
+		n &= ~DIRSPEC;
+	if (!n)
+		return;
 	if (ilf_sampler_slice(&sp, ilfsampler(ip), r->rop, &err) != ILF_OK)
-		objerror(ip->m, USER, err.text);
+		ilferror(ip->m, &err);
 	if (sp == NULL)
 		return;			/* nothing bright from here */
 	ns = ilfsamp*r->rweight + .999;
@@ -306,7 +353,9 @@ sampleilf(			/* add light field's excess */
 	ilf_slice_history(sp, &vis, &tests);
 	if (tests >= ILFHIST && (vis <= 0.) | (vis >= tests))
 		ns = (ns + ILFSURE-1)/ILFSURE;
+	dirparts = n;
 	n = drawcands(nc, ip, sp, r, f, p, &wsum);
+	dirparts = DIRDIFF|DIRSPEC;
 	if (!n)
 		return;
 					/* choose in order of map */
@@ -334,7 +383,8 @@ sampleilf(			/* add light field's excess */
 			vis += k;
 		}
 	}
-	ilf_slice_record(sp, vis, tests);
+	if (!inglintray())
+		ilf_slice_record(sp, vis, tests);
 }
 
 
@@ -347,10 +397,13 @@ ilfdirect(			/* add direct part of light fields */
 {
 	ILFMAT  *ip;
 
-	if (ilfsrcs == NULL || !sampledat(r))
-		return;
-	for (ip = ilfsrcs; ip != NULL; ip = ip->next)
+	for (ip = ilfsrcs; ip != NULL; ip = ip->next) {
+		if (!ilf_sampler_patches(ilfsampler(ip)))
+			continue;	/* nothing bright */
 		sampleilf(ip, r, f, p);
+		if (!inglintray())
+			ilfglints(ip, r, f, p);
+	}
 }
 
 

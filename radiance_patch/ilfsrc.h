@@ -28,6 +28,8 @@ typedef struct ilfmat {
 	OBJREC  *m;			/* our material */
 	int  sn;			/* source to aim at, -1 if none */
 	ilf_sampler  *smp;		/* what is bright, NULL till needed */
+	struct ilfball  *ball;		/* shiny balls that show lamps */
+	int  nballs;			/* number of balls, -1 till known */
 	struct ilfmat  *next;		/* next to be sampled */
 }  ILFMAT;			/* a material's light field */
 
@@ -36,10 +38,17 @@ typedef struct ilfmat {
 #define  ILF_BASE	01		/* what is sampled blindly */
 #define  ILF_EXCESS	02		/* what is sampled as a source */
 #define  ILF_ALL	(ILF_BASE|ILF_EXCESS)
+#define  ILF_GLINT	04		/* excess that a glint ray looks for */
+
+#define  ILFOMEGA	1e-6		/* solid angle for coefficients: none
+					   of Radiance's functions may widen
+					   its lobe by it */
 
 	/* m_ilf.c */
 					/* get (open) a material's light field */
 extern ILFMAT	*getilf(OBJREC *m);
+					/* report libilf's error */
+extern void	ilferror(OBJREC *m, ilf_error *ep);
 					/* print what light fields were used */
 extern void	ilfreport(void);
 
@@ -54,6 +63,23 @@ extern int	ilfpart(ILFMAT *ip, RAY *r);
 extern void	dropilf(ILFMAT *ip);
 					/* print what was sampled */
 extern void	ilfsrcreport(void);
+
+	/* ilfglint.c */
+					/* is ray's surface shiny but rough? */
+extern int	isglossy(const RAY *r);
+					/* does a glint cone count this ray? */
+extern int	glintdone(ILFMAT *ip, const RAY *ar);
+					/* is a glint ray being traced? */
+extern int	inglintray(void);
+					/* does its continuation r count? */
+extern int	glintmet(const RAY *r);
+					/* count what it found */
+extern void	glintadd(const RAY *r);
+
+#ifdef _RAD_SOURCE_H_
+					/* add light field's glints on balls */
+extern void	ilfglints(ILFMAT *ip, RAY *r, srcdirf_t *f, void *p);
+#endif
 
 #ifdef __cplusplus
 }

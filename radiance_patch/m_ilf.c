@@ -45,6 +45,17 @@ int  ilfsamp = 16;			/* samples per point */
 static ILFFILE  *ilflist = NULL;	/* open files */
 
 
+void
+ilferror(			/* report libilf's error for a material */
+	OBJREC  *m,
+	ilf_error  *ep
+)
+{
+	ep->text[300] = '\0';		/* objerror() has room for 512 */
+	objerror(m, USER, ep->text);
+}
+
+
 static ILFFILE *
 openilf(			/* get light field file for material */
 	OBJREC  *m
@@ -68,7 +79,7 @@ openilf(			/* get light field file for material */
 	if (fp == NULL)
 		goto memerr;
 	if (ilf_open(&fp->field, path, &err) != ILF_OK)
-		objerror(m, USER, err.text);
+		ilferror(m, &err);
 	fp->path = savqstr(path);
 	fp->nused = 1;
 	fp->next = ilflist;
@@ -104,21 +115,26 @@ getilf(				/* get (open) material's light field */
 	ip->m = m;
 	ip->sn = -1;
 	ip->smp = NULL;
+	ip->ball = NULL;
+	ip->nballs = -1;
 	ip->next = NULL;
 	ip->mode = ILF_DEPTH;
 	if (m->oargs.nsargs > 1) {
 		if (!strcmp(m->oargs.sarg[1], "nodepth"))
 			ip->mode = ILF_NO_DEPTH;
-		else if (strcmp(m->oargs.sarg[1], "depth"))
-			objerror(m, USER,
-		"expected \"depth\" or \"nodepth\" as second argument");
+		else if (strcmp(m->oargs.sarg[1], "depth")) {
+			sprintf(errmsg,
+	"expected \"depth\" or \"nodepth\" as second argument, found \"%.64s\"",
+					m->oargs.sarg[1]);
+			objerror(m, USER, errmsg);
+		}
 	}
 	ip->file = openilf(m);
 	ip->frame = *ilf_get_frame(ip->file->field);
 	fa = m->oargs.farg;
 	if (m->oargs.nfargs && ilf_frame_init(&ip->frame, fa, fa+3, fa+6,
 			m->oargs.nfargs == 12 ? fa+9 : NULL, &err) != ILF_OK)
-		objerror(m, USER, err.text);
+		ilferror(m, &err);
 	return((ILFMAT *)(m->os = (char *)ip));
 }
 
@@ -195,7 +211,7 @@ m_ilf(				/* ray met auxiliary geometry */
 		hit = NULL;		/* infinitely far away */
 	if (ilf_eval(rgb, ip->file->field, &ip->frame, org, dir, hit,
 			ip->mode, &err) != ILF_OK)
-		objerror(m, USER, err.text);
+		ilferror(m, &err);
 					/* modify value */
 	raytexture(r, m->omod);
 	setcolor(r->rcol, rgb[0], rgb[1], rgb[2]);
@@ -205,6 +221,10 @@ m_ilf(				/* ray met auxiliary geometry */
 		if (part == ILF_BASE)
 			d = 1. - d;
 		scalecolor(r->rcol, d);
+	}
+	if (part == ILF_GLINT) {	/* counted on its own */
+		glintadd(r);
+		setcolor(r->rcol, 0.0, 0.0, 0.0);
 	}
 	r->rsrc = -1;			/* we are what was aimed for */
 	return(1);

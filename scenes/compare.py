@@ -18,7 +18,7 @@ covered); pixels with less than 0.999 of red + green are left out of every measu
 in the error maps.  Beside PICTURE.hdr a PICTURE.json from timed.py gives the CPU time and the command.
 
 usage: compare.py --reference LABEL=FILE --picture LABEL=FILE ... --mask FILE --csv OUT.csv -o OUT.png
-       compare.py --show LABEL=FILE ... -o OUT.png            (pictures side by side, no numbers)
+       compare.py --show LABEL=FILE[@FACTOR] ... -o OUT.png   (pictures side by side, no numbers)
 """
 import argparse
 import csv
@@ -169,9 +169,9 @@ def place(fig, image, left, top, w, h, size, **kw):
     return shown
 
 
-def panels(columns, error_rows, title, path, pane=420):
+def panels(columns, error_rows, title, path, extra=None, pane=420):
     """columns: [(label, display picture, [line, ...])]; error_rows: [(column, map)] in multiples of
-    the reference's mean, drawn below with one scale for all."""
+    the reference's mean, drawn below with one scale for all; extra: (label, display picture) below the reference."""
     gap, head, caption = 14, 30 if title else 10, 64
     heights = [round(pane * c[1].shape[0] / c[1].shape[1]) for c in columns]
     high = max(heights)
@@ -192,15 +192,26 @@ def panels(columns, error_rows, title, path, pane=420):
         x = gap + k * (pane + gap)
         shown = place(fig, image, x, top, pane, heights[k], size, cmap="RdBu_r", vmin=-1, vmax=1)
         fig.text(x / size[0], 1 - (top + high + 17) / size[1],
-                 "difference from the reference, in multiples of its mean", color=QUIET, fontsize=8)
+                 "difference from the reference", color=QUIET, fontsize=8)
     if error_rows:
         x = gap + (error_rows[0][0] - 1) * (pane + gap)
-        bar = fig.add_axes([(x + pane * 0.25) / size[0], 1 - (top + high * 0.55) / size[1],
-                            pane * 0.65 / size[0], 10 / size[1]])
+        if extra:
+            tall = min(round(pane * extra[1].shape[0] / extra[1].shape[1]), high - 90)
+            place(fig, extra[1], x, top, pane, tall, size)
+            fig.text(x / size[0], 1 - (top + tall + 17) / size[1], extra[0], color=QUIET, fontsize=8)
+        bar = fig.add_axes([(x + pane * 0.2) / size[0], 1 - (top + high - 16) / size[1],
+                            pane * 0.7 / size[0], 10 / size[1]])
         fig.colorbar(shown, cax=bar, orientation="horizontal")
-        bar.set_title("too dark          error / mean          too bright", fontsize=8, color=QUIET)
+        bar.set_title("too dark        difference / mean of the reference        too bright", fontsize=8, color=QUIET)
         bar.tick_params(labelsize=8, colors=QUIET)
     write_whole(path, lambda tmp: fig.savefig(tmp, format="png", facecolor=PAPER))
+
+
+def as_shown(path, factor=1.0):
+    image = pictures.read(path)
+    if pictures.is_linear(path):
+        image = display(image, exposure_of(image) * factor)
+    return np.clip(image, 0, 1)
 
 
 def compare(a):
@@ -234,7 +245,7 @@ def compare(a):
         error = (np.minimum(picture, white) - np.minimum(reference, white)) @ LUMINANCE / mean
         maps.append((len(columns) - 1, np.where(regions["all"], error, 0.0)))
     write_csv(a.csv, rows)
-    panels(columns, maps, a.title, a.output)
+    panels(columns, maps, a.title, a.output, a.extra and (a.extra[0], as_shown(a.extra[1])))
     if not a.quiet:
         for row in rows:
             if row[2].endswith("(all)"):
@@ -244,11 +255,10 @@ def compare(a):
 def show(a):
     columns = []
     for label, path in a.show:
-        image = pictures.read(path)
-        if pictures.is_linear(path):
-            image = display(image, exposure_of(image) * a.exposure)
+        path, _, factor = path.partition("@")
+        image = as_shown(path, float(factor or 1))
         head, _, rest = label.partition("|")
-        columns.append((head, np.clip(image, 0, 1), [s for s in rest.split("|") if s]))
+        columns.append((head, image, [s for s in rest.split("|") if s]))
     panels(columns, [], a.title, a.output)
 
 
@@ -258,8 +268,9 @@ def main():
     ap.add_argument("--picture", type=labelled, action="append", default=[], metavar="LABEL=FILE", help="a picture to judge; again for each")
     ap.add_argument("--mask", metavar="FILE", help="red = table, green = objects; the rest is not judged")
     ap.add_argument("--csv", metavar="FILE", help="where the numbers go")
-    ap.add_argument("--show", type=labelled, action="append", default=[], metavar="LABEL=FILE", help="only show; LABEL may go on with |lines")
-    ap.add_argument("--exposure", type=float, default=1.0, help="factor on the brightness chosen for --show")
+    ap.add_argument("--extra", type=labelled, metavar="LABEL=FILE", help="a further picture, below the reference")
+    ap.add_argument("--show", type=labelled, action="append", default=[], metavar="LABEL=FILE[@FACTOR]",
+                    help="only show, FACTOR times as bright as it would be; LABEL may go on with |lines")
     ap.add_argument("--title", default="", help="heading of the figure")
     ap.add_argument("--quiet", action="store_true", help="print nothing")
     ap.add_argument("-o", "--output", required=True, metavar="PNG")
@@ -271,7 +282,7 @@ def main():
             show(a)
         else:
             compare(a)
-    except (pictures.PictureError, OSError) as err:
+    except (pictures.PictureError, OSError, ValueError) as err:
         print(f"compare.py: {err}", file=sys.stderr)
         return 1
     return 0

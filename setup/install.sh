@@ -21,7 +21,9 @@ done
 cp "$build0/man/man7/"*.7 "$dest/share/man/man7/"
 cp "$build/lib/libilf.a" "$dest/lib/"
 cp ilfmat/ilf.h "$dest/include/"
-(cd "$build0/lib" && find . -maxdepth 1 -type f ! -name '*.a' ! -name '.*' -exec cp {} "$dest/lib/ray/" \;)
+for f in "$build0"/lib/*; do
+    case $f in *.a) ;; *) [ ! -f "$f" ] || cp "$f" "$dest/lib/ray/" ;; esac
+done
 cat >"$dest/lib/pkgconfig/ilf.pc" <<EOF
 prefix=$prefix
 includedir=\${prefix}/include

@@ -7,6 +7,7 @@ import subprocess
 import zlib
 
 import numpy as np
+import OpenEXR
 
 BUILD = pathlib.Path(os.environ.get("ILF_BUILD", "build")).resolve()
 IMGTOOL = BUILD / "test" / "imgtool"
@@ -55,6 +56,25 @@ def probe(path):
     words = p.stdout.decode().split()
     info = dict(w.split("=") for w in words[2:])
     return {"format": words[0], "size": tuple(map(int, words[1].split("x"))), **{k: float(v) for k, v in info.items()}}
+
+
+W, H = 37, 23  # odd, and no multiple of any tile, strip or chunk
+
+
+def codes(samples, maximum, w=W, h=H, seed=1):
+    rng = np.random.default_rng(seed)
+    a = rng.integers(0, maximum, (h, w, samples), endpoint=True)
+    a[0, 0], a[-1, -1] = 0, maximum
+    return a
+
+
+def radiance(w=W, h=H, channels=3, decades=12, seed=2):
+    """Positive values over many decades with black and constant stretches."""
+    rng = np.random.default_rng(seed)
+    a = (10 ** rng.uniform(-decades / 2, decades / 2, (h, w, channels))).astype(np.float32)
+    a[1] = 0
+    a[2, w // 4:] = a[2, 0]
+    return a
 
 
 # ---- Radiance ---------------------------------------------------------------------------------------
@@ -264,3 +284,10 @@ def write_pfm(path, a, order="<", scale=1.0):
     kind = "PF" if s == 3 else "Pf"
     sign = -1 if order == "<" else 1
     path.write_bytes(f"{kind}\n{w} {h}\n{sign * scale}\n".encode() + a[::-1].astype(order + "f4").tobytes())
+
+
+# ---- OpenEXR ----------------------------------------------------------------------------------------
+
+def write_exr(path, channels, **header):
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **header}
+    OpenEXR.File(header, channels).write(str(path))

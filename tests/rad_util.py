@@ -6,7 +6,7 @@ evaluated with ilf_util's oracle; it knows surfaces that carry an `ilf` and noth
 import numpy as np
 
 from conftest import run
-from ilf_util import ILF, f32, unit
+from ilf_util import ILF, assert_same, directional_ilf, f32, random_directions, random_ilf, unit, write_ilf
 
 EPS = 1e-6      # Radiance ignores hits nearer than FTINY
 INF = np.inf
@@ -257,3 +257,54 @@ def read_picture(folder, name):
     y, h, x, w = head.split()
     assert (y, x) == (b"-Y", b"+X")
     return np.frombuffer(data, "<f4").reshape(int(h), int(w), 3).astype(float)
+
+
+# ---- scenes of the tests ---------------------------------------------------------------------------
+
+UPRIGHT = ((-0.5, -0.4, 0), (1.1, 0.2, 0), (-0.2, 1.1, 0))    # a plane with n = z
+L = np.array([1.0, 2.0, 4.0])    # radiance of the constant domes
+MOVES = {
+    "translate": "-t 3 -2 1.5", "rotate x": "-rx 37", "rotate y": "-ry -71", "rotate z": "-rz 200", "scale": "-s 0.03",
+    "mirror x": "-mx", "mirror z": "-mz", "mirror twice": "-mx -my", "all": "-rx 30 -s 2.5 -t 1 2 3 -mz -rz 15 -ry 100 -t 0 -4 0.5",
+    "far": "-t 1e3 -2e3 1e3",
+}
+FLOOR = "void plastic grey\n0\n0\n5 .5 .5 .5 0 0\n" + Polygon((-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)).rad("grey", "floor")
+
+
+def file_and_ilf(folder, rng, grid=(4, 3), texels=(12, 8), kind="hemisphere", half=False, name="room", **more):
+    f = random_ilf(rng, *grid, *texels, kind, half, **more)
+    write_ilf(folder / f"{name}.ilf.exr", f, half)
+    return f, f"{name}.ilf.exr"
+
+
+def rays_about(rng, f, n, spread=0.5):
+    """Float32 rays from about the plane, in all directions."""
+    middle = f.origin + f.U / 2 + f.V / 2
+    return f32(middle + rng.normal(size=(n, 3)) * spread), f32(random_directions(rng, n))
+
+
+def compare(folder, octree, surfaces, o, d, rng, least=0.1, *options):
+    """rtrace against the oracle, where no rounding decides what is hit."""
+    expected = scene_value(surfaces, o, d)
+    good = clear(surfaces, o, d, rng)
+    assert good.mean() > 0.97
+    assert (expected[good] > 0).all(1).mean() > least, "the rays miss what is tested"
+    assert_same(rtrace(folder, octree, o, d, *options)[good], expected[good])
+
+
+def elsewhere(f, rng, reals, sign=1):
+    q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    n = np.cross(q[0], q[1]) * sign * rng.uniform(0.1, 30)
+    return f.placed(rng.normal(size=3), q[0] * 1.7, q[1] * 0.6, n if reals == 12 else None)
+
+
+def dome_scene(folder, radiance, file="dome.ilf.exr", n_theta=256, n_phi=128, shape=None, depth=None):
+    f = directional_ilf(radiance, n_theta, n_phi, origin=(-0.5, -0.5, 0))
+    write_ilf(folder / file, f, compression="zip")
+    return oconv(folder, material("room", file, depth=depth) + (shape or Sphere((0, 0, 0), 10)).rad("room", "dome"))
+
+
+def irradiance(folder, octree, normals, *options):
+    text = "".join(f"0 0 0 {numbers(n)}\n" for n in normals)
+    r = run("rtrace", "-h", "-I", "-di", "0", "-ab", "1", "-ad", "65536", "-lw", "1e-6", *options, octree, stdin=text, cwd=folder)
+    return np.array([x.split() for x in r.text.splitlines()], float)

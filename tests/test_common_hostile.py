@@ -36,6 +36,7 @@ def samples(folder):
     write_exr(p("tiled.exr"), f, "RLE_COMPRESSION", tile=8)
     write_exr(p("pxr.exr"), f, "PXR24_COMPRESSION")
     write_exr(p("b44.exr"), f.astype(np.float16), "B44_COMPRESSION", tile=8)
+    write_exr(p("dwa.exr"), f.astype(np.float16), "DWAA_COMPRESSION")
     write_hdr(p("new.hdr"), rgbe_of(f))
     write_hdr(p("old.hdr"), rgbe_of(np.repeat(f, 3, axis=1)), "+X -Y", line_old)
     write_hdr(p("flat.hdr"), rgbe_of(f), line=np.ndarray.tobytes)
@@ -63,8 +64,8 @@ def folder(tmp_path_factory):
     return d, names
 
 
-NAMES = ("zip.exr piz.exr none.exr tiled.exr pxr.exr b44.exr new.hdr old.hdr flat.hdr rgb.png adam7.png palette.png base.jpg "
-         "prog.jpg strips.tif tiles.tif turned.tif lzw.tif jpeg.tif text.ppm bin.ppm float.pfm raw.dng").split()
+NAMES = ("zip.exr piz.exr none.exr tiled.exr pxr.exr b44.exr dwa.exr new.hdr old.hdr flat.hdr rgb.png adam7.png palette.png "
+         "base.jpg prog.jpg strips.tif tiles.tif turned.tif lzw.tif jpeg.tif text.ppm bin.ppm float.pfm raw.dng").split()
 
 
 def test_the_list_is_complete(folder):

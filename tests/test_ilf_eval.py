@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from conftest import one_line_error, run
-from ilf_util import (ILF, MIRROR_ARRAY_VALID, PI, POLAR_MAX, assert_same, directional_ilf, f32, random_directions,
+from ilf_util import (ILF, MIRROR_ARRAY_VALID, PI, POLAR_MAX, assert_same, directional_ilf, random_directions,
                       random_ilf, rays_text, read_mosaic, unit, unmosaic, write_ilf)
 
 INF = np.inf
@@ -380,7 +380,8 @@ def test_ilftrace_reports_the_probes_that_it_used(tmp_path):
     rng = np.random.default_rng(20)
     f = random_ilf(rng, 30, 30, 4, 4, plane=((0, 0, 0), (29, 0, 0), (0, 29, 0)))
     path = write_ilf(tmp_path / "f.ilf.exr", f)
-    for ray, n in (("3.5 4.5 0 0 0 1 3.5 4.5 0\n", 4), ("3 4 0 0 0 1 3 4 0\n", 1), ("3.5 4 0 0 0 1 3.5 4 0\n", 2), ("0 0 0 0 0 -1 1 1 1\n", 0)):
+    for ray, n in (("3.5 4.5 0 0 0 1 3.5 4.5 0\n", 4), ("3 4 0 0 0 1 3 4 0\n", 1), ("3.5 4 0 0 0 1 3.5 4 0\n", 2),
+                   ("0 0 0 0 0 -1 1 1 1\n", 0)):
         assert f"{n} of 900 probes" in run("ilftrace", "--report", path, stdin=ray).err
 
 
@@ -399,8 +400,9 @@ def test_ilftrace_nothing_in_nothing_out(tmp_path):
     assert run("ilftrace", path).out == b""
 
 
-@pytest.mark.parametrize("bad", ["1 2 3\n", "0 0 0 0 0 1 0 0\n", "0 0 0 0 0 one 0 0 1\n", "0 0 0 nan 0 1 0 0 1\n", "0 0 0 0 0 1 0 nan 1\n", "0 0 0 inf 0 1 0 0 1\n",
-                                 "nan 0 0 0 0 1 inf inf inf\n"])
+@pytest.mark.parametrize("bad", [
+    "1 2 3\n", "0 0 0 0 0 1 0 0\n", "0 0 0 0 0 one 0 0 1\n", "0 0 0 nan 0 1 0 0 1\n", "0 0 0 0 0 1 0 nan 1\n",
+    "0 0 0 inf 0 1 0 0 1\n", "nan 0 0 0 0 1 inf inf inf\n"])
 def test_ilftrace_refuses_what_is_no_ray(tmp_path, bad):
     path = write_ilf(tmp_path / "f.ilf.exr", directional_ilf(lambda d: d * 0 + 1, 4, 4))
     r = run("ilftrace", path, stdin="0 0 0 0 0 1 0 0 1\n" + bad, code=1)

@@ -29,7 +29,8 @@ static double three[3];
 
 static const cli_opt opts[] = {
     {"output", 'o', CLI_STRING, &output, NULL, "FILE", "write standard input to FILE"},
-    {"mode", 0, CLI_STRING, &mode, NULL, "HOW", "how the output ends: commit, abort, wait (until killed)\nor fail (default commit)"},
+    {"mode", 0, CLI_STRING, &mode, NULL, "HOW",
+     "how the output ends: commit, abort, wait (until killed)\nor fail (default commit)"},
     {"flag", 'f', CLI_FLAG, &flag, NULL, NULL, "a flag"},
     {"whole", 'w', CLI_INT, &whole, NULL, "N", "a whole number (default 7)"},
     {"real", 'r', CLI_DOUBLE, &real, NULL, "X", "a number (default 0.5)"},
@@ -56,8 +57,10 @@ static void write_output(void)
         for (;;) pause();
     }
     if (strcmp(mode, "fail") == 0) cli_fail(CLI_FAILED, "%s: asked to fail\nwith a second line", output);
-    if (strcmp(mode, "abort") == 0) out_abort(o);
-    else if (out_commit(o, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
+    if (strcmp(mode, "abort") == 0)
+        out_abort(o);
+    else if (out_commit(o, &e) < 0)
+        cli_fail(CLI_FAILED, "%s", e.text);
 }
 
 int main(int argc, char **argv)
@@ -74,8 +77,8 @@ int main(int argc, char **argv)
     char *line = cli_command_line(&prog, argc, argv);
     printf("%s\n", line);
     free(line);
-    printf("flag=%d quiet=%d threads=%d whole=%d real=%.17g size=%dx%d three=%g,%g,%g\n", flag, cli_quiet, cli_threads,
-           whole, real, size[0], size[1], three[0], three[1], three[2]);
+    printf("flag=%d quiet=%d threads=%d whole=%d real=%.17g size=%dx%d three=%g,%g,%g\n", flag, cli_quiet,
+           cli_threads, whole, real, size[0], size[1], three[0], three[1], three[2]);
     for (int i = 1; i <= n; i++) printf("[%s]\n", argv[i]);
     cli_note("a remark");
     return cli_end(CLI_OK);

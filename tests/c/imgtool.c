@@ -23,16 +23,18 @@ static const cli_opt opts[] = {
     {"type", 0, CLI_STRING, &type, NULL, "T", "half or float (default: no options at all)"},
     {"compression", 0, CLI_STRING, &compression, NULL, "C", "as in image.h"},
     {"comment", 0, CLI_STRING, &comment, NULL, "TEXT", "comment of the output"},
-    {"extra", 0, CLI_FLAG, &extra, NULL, NULL, "write planes sigma.R (half) and count (float) and attributes of every kind"},
+    {"extra", 0, CLI_FLAG, &extra, NULL, NULL,
+     "write planes sigma.R (half) and count (float) and attributes of every kind"},
     {"scale", 0, CLI_DOUBLE, &scale, NULL, "X", "multiply the values before writing"},
     {0},
 };
-static const cli_prog prog = {"imgtool", "probe|dump|rows|stream|linear|convert FILE [OUT]", "Tests picture I/O.", opts, NULL};
+static const cli_prog prog = {"imgtool", "probe|dump|rows|stream|linear|convert FILE [OUT]",
+                              "Tests picture I/O.", opts, NULL};
 
 static void print_info(const img_info *i)
 {
-    printf("%s %dx%d channels=%d coded=%d max=%g exposure=%.9g f=%.9g iso=%.9g\n", i->format, i->width, i->height,
-           i->channels, i->coded, i->max_code, i->exposure_s, i->f_number, i->iso);
+    printf("%s %dx%d channels=%d coded=%d max=%g exposure=%.9g f=%.9g iso=%.9g\n", i->format, i->width,
+           i->height, i->channels, i->coded, i->max_code, i->exposure_s, i->f_number, i->iso);
 }
 
 static void save(const img *im, const char *path)
@@ -131,8 +133,10 @@ int main(int argc, char **argv)
         return cli_end(CLI_OK);
     }
     img im = {0};
-    if (strcmp(what, "rows") == 0) load_rows(&im, file);
-    else if (img_load(&im, file, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
+    if (strcmp(what, "rows") == 0)
+        load_rows(&im, file);
+    else if (img_load(&im, file, &e) < 0)
+        cli_fail(CLI_FAILED, "%s", e.text);
     if (strcmp(what, "linear") == 0) img_linearise_srgb(&im);
     if (!out) cli_fail(CLI_USAGE, "expected an output file");
     if (strcmp(what, "convert") != 0) {
@@ -142,8 +146,10 @@ int main(int argc, char **argv)
         w.type = type && strcmp(type, "half") == 0 ? IMG_HALF : IMG_FLOAT;
         size_t values = (size_t)im.info.width * (size_t)im.info.height * (size_t)im.info.channels;
         for (size_t i = 0; scale != 1 && i < values; i++) im.pix[i] = (float)((double)im.pix[i] * scale);
-        if (extra) write_extra(&im, out, &w);
-        else if (img_write(&im, out, type || compression || comment ? &w : NULL, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
+        if (extra)
+            write_extra(&im, out, &w);
+        else if (img_write(&im, out, type || compression || comment ? &w : NULL, &e) < 0)
+            cli_fail(CLI_FAILED, "%s", e.text);
     }
     img_free(&im);
     return cli_end(CLI_OK);

@@ -69,7 +69,22 @@ static inline void add_piece(overlap *o, int ix, int iy, double u0, double v0, d
 }
 
 /* An edge part inside row iy, coordinates relative to the box, y relative to the row. */
-static void add_in_row(overlap *o, int iy, double xa, double va, double xb, double vb)
+static void add_across(overlap *o, int iy, double xa, double va, double xb, double vb);
+
+static inline void add_in_row(overlap *o, int iy, double xa, double va, double xb, double vb)
+{
+    double w = o->x1 - o->x0;
+    if (xa >= 0 && xb >= 0 && xa < w && xb < w) { /* most often: one pixel */
+        int i = (int)xa;
+        if (i == (int)xb) {
+            add_piece(o, i, iy, xa - i, va, xb - i, vb);
+            return;
+        }
+    }
+    add_across(o, iy, xa, va, xb, vb);
+}
+
+static void add_across(overlap *o, int iy, double xa, double va, double xb, double vb)
 {
     double w = o->x1 - o->x0;
     if (xa >= w && xb >= w) return;
@@ -79,8 +94,8 @@ static void add_in_row(overlap *o, int iy, double xa, double va, double xb, doub
     }
     if (xa < 0 || xb < 0 || xa > w || xb > w) { /* cut at the box's sides */
         double cut = (xa < 0 || xb < 0) ? 0 : w, s = (cut - xa) / (xb - xa), vc = va + s * (vb - va);
-        add_in_row(o, iy, xa, va, cut, vc);
-        add_in_row(o, iy, cut, vc, xb, vb);
+        add_across(o, iy, xa, va, cut, vc);
+        add_across(o, iy, cut, vc, xb, vb);
         return;
     }
     int i = (int)xa, j = (int)xb, last = (int)w - 1;

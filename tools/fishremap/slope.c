@@ -7,113 +7,101 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Copy as RGB into the value slots; mark what can't be used. */
-static int64_t take_values(float *px, unsigned char *bad, const float *pix, size_t n, int channels,
-                           const unsigned char *mask)
+typedef slope_v4 v4;
+
+/* Mark what can't be used: alpha 0 and black; everything else gets alpha 1. */
+static int64_t mark_bad(float *pix, unsigned char *bad, size_t n)
 {
     int64_t nbad = 0;
-    int colours = channels >= 3 ? 3 : 1, alpha = channels == 2 || channels == 4;
-#pragma omp parallel for schedule(static) reduction(+ : nbad)
+#pragma omp parallel for schedule(static) reduction(+ : nbad) if (n > 65536)
     for (size_t i = 0; i < n; i++) {
-        const float *q = pix + i * (size_t)channels;
-        float *p = px + i * SRC_FLOATS;
-        float r = q[0], g = colours == 3 ? q[1] : r, b = colours == 3 ? q[2] : r;
-        float all = r + g + b;
-        int is_bad = !(all - all == 0) || (alpha && !(q[channels - 1] >= 0.5f)) || (mask && mask[i]);
+        v4 *q = (v4 *)pix + i, rest = *q - *q; /* 0 where finite */
+        slope_i4 finite = rest == 0;
+        float *p = (float *)q;
+        int is_bad = !(finite[0] & finite[1] & finite[2]) | !(p[3] >= 0.5f);
         bad[i] = (unsigned char)is_bad;
         nbad += is_bad;
-        p[0] = is_bad ? 0 : r, p[1] = is_bad ? 0 : g, p[2] = is_bad ? 0 : b;
+        if (is_bad) memset(p, 0, 3 * sizeof *p);
+        p[3] = is_bad ? 0 : 1;
     }
     return nbad;
 }
 
-/* Pixels cut by the circle: the value of the nearest pixel inwards that lies wholly inside. */
-static void hold_rim(float *px, unsigned char *bad, const chart *c)
+/* One pixel cut by the circle, at (x, y): the value of the nearest one inwards that lies wholly inside. */
+static void hold_pixel(float *pix, unsigned char *bad, const chart *c, int x, int y)
 {
     int w = c->width, h = c->height;
-    double outer = c->radius + M_SQRT1_2, inner = c->radius - M_SQRT1_2;
+    double dx = x + 0.5 - c->cx, dy = y + 0.5 - c->cy, r = hypot(dx, dy);
+    for (double back = 0.5; back < 3; back += 0.5) {
+        double k = (r - back) / r;
+        int xs = (int)floor(c->cx + dx * k), ys = (int)floor(c->cy + dy * k);
+        if (xs < 0 || ys < 0 || xs >= w || ys >= h) return;
+        if (hypot(fabs(xs + 0.5 - c->cx) + 0.5, fabs(ys + 0.5 - c->cy) + 0.5) > c->radius) continue;
+        size_t from = (size_t)ys * (size_t)w + (size_t)xs, to = (size_t)y * (size_t)w + (size_t)x;
+        memcpy(pix + 4 * to, pix + 4 * from, 4 * sizeof *pix);
+        if (bad) bad[to] = bad[from];
+        return;
+    }
+}
+
+/* A row's first and last pixel (exclusive) that a circle about the disc's centre may touch. */
+static void row_extent(int x[2], const chart *c, int y, double radius)
+{
+    double dy = fmax(fabs(y + 0.5 - c->cy) - 0.5, 0), half = dy < radius ? sqrt(radius * radius - dy * dy) : -1;
+    double from = floor(c->cx - half), to = ceil(c->cx + half);
+    x[0] = half < 0 || from > c->width ? c->width : from < 0 ? 0 : (int)from;
+    x[1] = half < 0 || to < 0 ? 0 : to > c->width ? c->width : (int)to;
+}
+
+static void hold_rim(float *pix, unsigned char *bad, const chart *c)
+{
+    double outer = c->radius + M_SQRT1_2, inner = c->radius - 2;
     if (inner < 1) return;
-#pragma omp parallel for schedule(dynamic, 16)
-    for (int y = 0; y < h; y++) {
-        double dy = y + 0.5 - c->cy;
-        if (fabs(dy) > outer) continue;
-        /* the two stretches of this row between the inner and the outer circle */
-        double xo = sqrt(fmax(outer * outer - dy * dy, 0)), xi = fabs(dy) < inner ? sqrt(inner * inner - dy * dy) : 0;
-        for (int side = 0; side < 2; side++) {
-            double from = side ? c->cx + xi - 1 : c->cx - xo - 1, to = side ? c->cx + xo + 1 : c->cx - xi + 1;
-            int x0 = from < 0 ? 0 : from > w ? w : (int)from, x1 = to < 0 ? 0 : to > w ? w : (int)to;
-            for (int x = x0; x < x1; x++) {
-                double dx = x + 0.5 - c->cx, r = hypot(dx, dy);
-                /* farthest corner */
-                double far = hypot(fabs(dx) + 0.5, fabs(dy) + 0.5);
-                if (far <= c->radius || r > outer) continue;
-                for (double back = 0.5; back < 3; back += 0.5) {
-                    double k = (r - back) / r;
-                    int xs = (int)floor(c->cx + dx * k), ys = (int)floor(c->cy + dy * k);
-                    if (xs < 0 || ys < 0 || xs >= w || ys >= h) break;
-                    if (hypot(fabs(xs + 0.5 - c->cx) + 0.5, fabs(ys + 0.5 - c->cy) + 0.5) > c->radius) continue;
-                    size_t from_px = (size_t)ys * (size_t)w + (size_t)xs, to_px = (size_t)y * (size_t)w + (size_t)x;
-                    memcpy(px + to_px * SRC_FLOATS, px + from_px * SRC_FLOATS, 3 * sizeof(float));
-                    bad[to_px] = bad[from_px];
-                    break;
-                }
-            }
+    for (int y = 0; y < c->height; y++) {
+        int all[2], core[2] = {c->width, c->width};
+        row_extent(all, c, y, outer);
+        double dy = fabs(y + 0.5 - c->cy);
+        if (dy < inner) { /* pixels that are surely inside */
+            double half = sqrt(inner * inner - dy * dy), from = ceil(c->cx - half), to = floor(c->cx + half);
+            core[0] = from < 0 ? 0 : from > c->width ? c->width : (int)from;
+            core[1] = to < core[0] ? core[0] : to > c->width ? c->width : (int)to;
+        }
+        for (int x = all[0]; x < all[1]; x++) {
+            if (x == core[0] && core[1] > core[0]) x = core[1];
+            if (x >= all[1]) break;
+            double dx = fabs(x + 0.5 - c->cx);
+            if (hypot(dx + 0.5, dy + 0.5) > c->radius && hypot(dx, dy) <= outer) hold_pixel(pix, bad, c, x, y);
         }
     }
 }
 
-static inline float limited(float a, float b)
-{
-    /* a, b: differences to the left and to the right */
-    float c = 0.5f * (a + b), m = 2 * fminf(fabsf(a), fabsf(b));
-    float s = fminf(fabsf(c), m);
-    return a * b > 0 ? copysignf(s, c) : 0;
-}
-
-/* Slopes of one row. */
-static void slope_row(remap_source *s, int y, int wrap)
+/* Slopes of the pixels [x0, x1) of one row. */
+static void slope_row(remap_source *s, int y, int x0, int x1, int wrap)
 {
     int w = s->width, h = s->height;
     size_t row = (size_t)y * (size_t)w;
-    const unsigned char *bad = s->bad;
-    for (int x = 0; x < w; x++) {
-        float *p = s->px + (row + (size_t)x) * SRC_FLOATS;
+    const v4 *up = (const v4 *)s->pix + (y > 0 ? row - (size_t)w : row), *down = (const v4 *)s->pix + (y + 1 < h ? row + (size_t)w : row);
+    const v4 *here = (const v4 *)s->pix + row;
+    for (int x = x0; x < x1; x++) {
         int xl = x > 0 ? x - 1 : wrap ? w - 1 : x, xr = x + 1 < w ? x + 1 : wrap ? 0 : x;
-        int yu = y > 0 ? y - 1 : y, yd = y + 1 < h ? y + 1 : y;
-        size_t l = row + (size_t)xl, r = row + (size_t)xr;
-        size_t u = (size_t)yu * (size_t)w + (size_t)x, d = (size_t)yd * (size_t)w + (size_t)x;
-        int use_x = !(bad[l] | bad[r]), use_y = !(bad[u] | bad[d]);
-        const float *pl = s->px + l * SRC_FLOATS, *pr = s->px + r * SRC_FLOATS;
-        const float *pu = s->px + u * SRC_FLOATS, *pd = s->px + d * SRC_FLOATS;
-        for (int c = 0; c < 3; c++) {
-            float gx = use_x ? limited(p[c] - pl[c], pr[c] - p[c]) : 0;
-            float gy = use_y ? limited(p[c] - pu[c], pd[c] - p[c]) : 0;
-            /* lowest corner >= 0 */
-            float dip = 0.5f * (fabsf(gx) + fabsf(gy));
-            if (dip > p[c]) {
-                float k = p[c] > 0 ? p[c] / dip : 0;
-                gx *= k, gy *= k;
-            }
-            p[3 + c] = gx, p[6 + c] = gy;
-        }
+        v4 p = here[x], gx, gy, left = here[xl], right = here[xr], above = up[x], below = down[x];
+        if (left[3] == 0 || right[3] == 0) left = right = p;
+        if (above[3] == 0 || below[3] == 0) above = below = p;
+        slope_pixel(&gx, &gy, p, left, right, above, below);
+        float *q = s->slopes + (row + (size_t)x) * SRC_FLOATS;
+        q[0] = p[0], q[1] = p[1], q[2] = p[2];
+        q[3] = gx[0], q[4] = gx[1], q[5] = gx[2];
+        q[6] = gy[0], q[7] = gy[1], q[8] = gy[2];
     }
 }
 
-int source_prepare(remap_source *s, const float *pix, int width, int height, int channels,
-                   const unsigned char *mask, const chart *src, errmsg *e)
+int source_clean(remap_source *s, float *pix, int width, int height, int all_good, const chart *src, errmsg *e)
 {
     size_t n = (size_t)width * (size_t)height;
-    remap_source t = {width, height, malloc((n * SRC_FLOATS + 4) * sizeof(float)), malloc(n), 0};
-    if (!t.px || !t.bad) {
-        source_free(&t);
-        return err_set(e, "out of memory");
-    }
-    memset(t.px + n * SRC_FLOATS, 0, 4 * sizeof(float));
-    t.nbad = take_values(t.px, t.bad, pix, n, channels, mask);
-    if (src->kind == CHART_DISC) hold_rim(t.px, t.bad, src);
-    int wrap = src->kind == CHART_GRID && src->lon_span > 2 * M_PI * (1 - 1e-12);
-#pragma omp parallel for schedule(static)
-    for (int y = 0; y < height; y++) slope_row(&t, y, wrap);
+    remap_source t = {width, height, pix, NULL, all_good ? NULL : malloc(n), 0};
+    if (!all_good && !t.bad) return err_set(e, "out of memory");
+    if (!all_good) t.nbad = mark_bad(pix, t.bad, n);
+    if (src->kind == CHART_DISC) hold_rim(pix, t.bad, src);
     if (!t.nbad) {
         free(t.bad);
         t.bad = NULL;
@@ -122,9 +110,25 @@ int source_prepare(remap_source *s, const float *pix, int width, int height, int
     return 0;
 }
 
+int source_slopes(remap_source *s, const chart *src, errmsg *e)
+{
+    size_t n = (size_t)s->width * (size_t)s->height;
+    int is_disc = src->kind == CHART_DISC, wrap = !is_disc && src->lon_span > 2 * M_PI * (1 - 1e-12);
+    s->slopes = malloc((n * SRC_FLOATS + 4) * sizeof(float));
+    if (!s->slopes) return err_set(e, "out of memory");
+    memset(s->slopes + n * SRC_FLOATS, 0, 4 * sizeof(float));
+#pragma omp parallel for schedule(static) if (n > 65536)
+    for (int y = 0; y < s->height; y++) {
+        int x[2] = {0, s->width};
+        if (is_disc) row_extent(x, src, y, src->radius + 2);
+        slope_row(s, y, x[0], x[1], wrap);
+    }
+    return 0;
+}
+
 void source_free(remap_source *s)
 {
-    free(s->px);
+    free(s->slopes);
     free(s->bad);
     memset(s, 0, sizeof *s);
 }

@@ -9,15 +9,22 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cli.h"
 #include "outfile.h"
 #include "overlay.h"
 #include "remap.h"
 #include "settings.h"
 #include "slope.h"
 #include "spherefind.h"
+#include "spherepose.h"
 
 #define DEG (M_PI / 180)
+
+/* A light field, or a picture? */
+static int is_field(const char *path)
+{
+    size_t n = strlen(path);
+    return n >= 8 && strcmp(path + n - 8, ".ilf.exr") == 0;
+}
 
 /* The window of the picture around a sphere, as a picture of its own. */
 static int cut_window(float **pix, int box[4], const img *im, const sphere_seen *q, errmsg *e)
@@ -37,31 +44,72 @@ static int cut_window(float **pix, int box[4], const img *im, const sphere_seen 
     return 0;
 }
 
-static int one_sphere(float *rgb, float *alpha, outcome *o, const settings *s, const img *im, const sphere_seen *q,
-                      double turn, double polar_max, errmsg *e)
+/* What one sphere's remap adds to the outcome. */
+typedef struct tally {
+    int64_t bad;
+    double covered, prepare_s, remap_s;
+} tally;
+
+static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, const img *im, const sphere_seen *q,
+                      double (*frame)[3], double turn, double polar_max, errmsg *e)
 {
     float *pix = NULL;
     int box[4];
     chart src, dst;
     lens l;
     remap_source ready;
+    int all_good = 0;
     double d = s->camera_distance > 0 ? 2 * s->camera_distance / s->diameter : 0;
     if (lens_sphere(&l, d, e) || cut_window(&pix, box, im, q, e)) return -1;
     chart_disc(&src, box[2] - box[0], box[3] - box[1], &l, q->x - box[0], q->y - box[1], q->r, 1, turn, s->tilt_deg * DEG,
                s->tilt_to_deg * DEG);
+    if (frame) memcpy(src.frame, frame, sizeof src.frame);
+    hide_camera(pix, &all_good, &src, s->hide_camera_deg * DEG);
     chart_probe(&dst, s->out_w, s->out_h, polar_max);
     double t0 = cpu_seconds();
-    int rc = source_prepare(&ready, pix, src.width, src.height, 4, NULL, &src, e);
+    int rc = source_clean(&ready, pix, src.width, src.height, all_good, &src, e);
+    if (!rc) rc = source_slopes(&ready, &src, e);
     free(pix);
     if (rc) return -1;
     double t1 = cpu_seconds();
     rc = remap_run(rgb, alpha, &dst, &src, &ready, e);
-    o->bad_pixels += ready.nbad;
-    o->cpu_prepare_s += t1 - t0, o->cpu_remap_s += cpu_seconds() - t1;
+    *o = (tally){ready.nbad, 0, t1 - t0, cpu_seconds() - t1};
     source_free(&ready);
     size_t n = (size_t)s->out_w * (size_t)s->out_h;
     for (size_t i = 0; i < 3 * n; i++) rgb[i] = (float)(rgb[i] / s->reflectance[i % 3]);
+    for (size_t i = 0; i < n; i++) o->covered += (double)alpha[i] / (double)n;
+    if (is_field(s->out) || s->outside == OUTSIDE_HOLD) outside_fill(rgb, alpha, s->out_w, s->out_h, OUTSIDE_HOLD);
     return rc;
+}
+
+/* One row of the grid, its spheres in parallel: probes side by side in rgb. */
+static int row_of_spheres(float *rgb, float *alpha, outcome *o, const settings *s, const img *im, const sphere_grid *g,
+                          const sphere_seen *q, const sphere_pose *pose, int j, double polar_max, errmsg *e)
+{
+    size_t n = (size_t)s->out_w * (size_t)s->out_h;
+    int failed = 0, nu = s->nu;
+    double covered = 0, prepare_s = 0, remap_s = 0;
+    int64_t bad = 0;
+#pragma omp parallel for schedule(dynamic) reduction(+ : covered, prepare_s, remap_s, bad) if (nu > 1)
+    for (int i = 0; i < nu; i++) {
+        double u_angle, frame[3][3];
+        errmsg mine;
+        tally t = {0};
+        sphere_grid_at(&u_angle, g, i, j);
+        if (pose) sphere_pose_frame(frame, pose, i, j);
+        size_t at = (size_t)i * n;
+        if (one_sphere(rgb + 3 * at, alpha + at, &t, s, im, q + i + (size_t)j * (size_t)nu, pose ? frame : NULL, -u_angle, polar_max, &mine)) {
+#pragma omp critical
+            {
+                failed = 1;
+                *e = mine;
+            }
+        }
+        covered += t.covered, prepare_s += t.prepare_s, remap_s += t.remap_s, bad += t.bad;
+    }
+    o->covered += covered / ((double)nu * s->nv);
+    o->cpu_prepare_s += prepare_s, o->cpu_remap_s += remap_s, o->bad_pixels += bad;
+    return failed ? -1 : 0;
 }
 
 static void default_plane(double p[9], int nu, int nv)
@@ -76,16 +124,20 @@ static int ilf_words(const ilf_error *ie, const char *out, errmsg *e)
 }
 
 static int write_field(outcome *o, const settings *s, const img *im, const sphere_grid *g, const sphere_seen *q,
-                       double polar_max, double valid, errmsg *e)
+                       const sphere_pose *pose, double polar_max, double valid, errmsg *e)
 {
-    size_t n = (size_t)s->out_w * (size_t)s->out_h;
-    float *rgb = malloc(n * 3 * sizeof(float)), *alpha = malloc(n * sizeof(float));
+    size_t n = (size_t)s->out_w * (size_t)s->out_h, all = n * (size_t)s->nu;
+    float *rgb = malloc(all * 3 * sizeof(float)), *alpha = malloc(all * sizeof(float));
     outfile *out = NULL;
     ilf_writer *w = NULL;
     ilf_error ie;
     int rc = -1;
     if (!rgb || !alpha) {
         err_set(e, "out of memory");
+        goto done;
+    }
+    if (!is_field(s->out)) { /* one sphere, as a plain probe */
+        rc = row_of_spheres(rgb, alpha, o, s, im, g, q, pose, 0, polar_max, e) || result_write(s, rgb, alpha, o->covered < 1, e) ? -1 : 0;
         goto done;
     }
     ilf_spec spec = {.n_u = s->nu, .n_v = s->nv, .n_theta = s->out_w, .n_phi = s->out_h, .polar_max = polar_max,
@@ -102,21 +154,15 @@ static int write_field(outcome *o, const settings *s, const img *im, const spher
         ilf_words(&ie, s->out, e);
         goto done;
     }
-    double seen = 0;
-    for (int j = 0; j < s->nv; j++)
-        for (int i = 0; i < s->nu; i++) {
-            double u_angle;
-            sphere_grid_at(&u_angle, g, i, j);
-            if (one_sphere(rgb, alpha, o, s, im, q + i + (size_t)j * (size_t)s->nu, -u_angle, polar_max, e)) goto done;
-            cli_progress("spheres", i + 1.0 + j * s->nu, (double)s->nu * s->nv);
-            for (size_t k = 0; k < n; k++) seen += (double)alpha[k];
-            outside_fill(rgb, alpha, s->out_w, s->out_h, OUTSIDE_HOLD);
-            if (ilf_writer_probe(w, rgb, &ie)) {
+    for (int j = 0; j < s->nv; j++) {
+        if (row_of_spheres(rgb, alpha, o, s, im, g, q, pose, j, polar_max, e)) goto done;
+        for (int i = 0; i < s->nu; i++)
+            if (ilf_writer_probe(w, rgb + 3 * (size_t)i * n, &ie)) {
                 ilf_words(&ie, s->out, e);
                 goto done;
             }
-        }
-    o->covered = seen / ((double)n * s->nu * s->nv);
+        if (s->progress) s->progress("rows of spheres", j + 1, s->nv);
+    }
     ilf_status st = ilf_writer_close(w, &ie);
     w = NULL;
     if (st) {
@@ -145,10 +191,11 @@ static int locate(sphere_seen *q, sphere_grid *g, outcome *o, const settings *s,
     if (sphere_grid_init(g, s->nu, s->nv, corner, rotate, e)) return -1;
     for (int k = 0; k < total; k++) q[k] = sphere_grid_at(NULL, g, k % s->nu, k / s->nu);
     if (total == 1) return 0; /* one sphere is where it is said, or was found, to be */
-    int rc = sphere_refine(q, &fit, g, im->pix, w, h, e);
+    double slack = s->corners_auto ? 1 : fmax(3, 0.04 * corner[0].r);
+    int rc = s->nu > 1 && s->nv > 1 ? sphere_refine(q, &fit, g, corner, rotate, slack, 1.6 * slack, im->pix, w, h, e) : 1;
     if (rc < 0) return -1;
-    if (rc > 0) snprintf(o->remark, sizeof o->remark, "too few rims to be seen near the corners: the spheres are where the corners put them");
-    else snprintf(o->remark, sizeof o->remark, "rims of %d of %d spheres seen, %.2f pixels about the grid", fit.refined, total, fit.rms);
+    if (rc > 0) snprintf(o->remark, sizeof o->remark, "no rims to be seen near the corners: the spheres are where the corners put them");
+    else snprintf(o->remark, sizeof o->remark, "rims of %d of %d spheres within a pixel of the grid, %.2f pixels rms", fit.seen, total, fit.rms);
     return 0;
 }
 
@@ -158,7 +205,10 @@ int job_array(outcome *o, const settings *s, errmsg *e)
     sphere_grid g;
     double polar_max = (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG, valid = polar_max;
     int total = s->nu * s->nv, rc = -1;
-    if (input_load(&im, s, e)) return -1;
+    if (total > 1 && !is_field(s->out))
+        return err_set(e, "%s: expected an output that ends in .ilf.exr for %d spheres", s->out, total);
+    int all_good;
+    if (input_load(&im, &all_good, s, e)) return -1;
     sphere_seen *q = malloc(sizeof *q * (size_t)total);
     if (!q) {
         err_set(e, "out of memory");
@@ -166,14 +216,25 @@ int job_array(outcome *o, const settings *s, errmsg *e)
     }
     if (locate(q, &g, o, s, &im, e)) goto done;
     if (s->overlay && overlay_write(s->overlay, &im, q, total, e)) goto done;
+    o->spheres = q, o->nspheres = total;
     if (total > 1) {
         o->pitch = sphere_grid_pitch(&g);
         valid = sphere_free_cone(fmax(o->pitch, 1));
     }
     o->polar_valid_deg = fmin(valid, polar_max) / DEG;
-    rc = write_field(o, s, &im, &g, q, polar_max, valid, e);
+    sphere_pose pose;
+    int posed = total > 1 && s->nu > 1 && s->nv > 1 && s->camera_distance > 0;
+    if (posed) {
+        double px = s->have_centre ? s->centre[0] : im.info.width / 2., py = s->have_centre ? s->centre[1] : im.info.height / 2.;
+        if (sphere_pose_find(&pose, &g, s->camera_distance / s->diameter / o->pitch, px, py, e)) goto done;
+        o->tilt_deg = pose.tilt / DEG;
+    }
+    rc = write_field(o, s, &im, &g, q, posed ? &pose : NULL, polar_max, valid, e);
 done:
-    free(q);
+    if (rc) {
+        free(q);
+        o->spheres = NULL;
+    }
     img_free(&im);
     return rc;
 }

@@ -1,10 +1,11 @@
 /*
  * sphereauto.c - finding a mirror-sphere array without a hint (spherefind.h).
  *
- * Edge pixels vote, along their gradient and at both sides, for centres at radius r: a rim votes for its
- * centre with all of its length.  The r whose n*m highest peaks are highest wins.  Peaks that are
- * one step apart, along the picture's right and up, get grid indices; the n x m window of indices
- * that holds the most votes is the array.
+ * Neighbouring spheres show almost the same reflections, so the picture repeats itself: the steps
+ * of the grid are the shifts, along the picture's right and up, at which its gradient correlates best with
+ * itself.  The centre lies where the repeated pieces are most alike, the radius is where the reflections
+ * end on the way in from the gaps.  Which nodes are spheres
+ * is seen from how alike neighbouring nodes are: the n x m window that holds most likeness is the array.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -12,275 +13,263 @@
 
 #include "spherefind.h"
 
-#define SIDE 1200 /* pixels, longer side of the working copy */
-
-typedef struct edge {
-    float x, y, dx, dy, w; /* position, unit gradient, weight */
-} edge;
-
-typedef struct peak {
-    double x, y, votes;
-    int i, j, known;
-} peak;
+#define SIDE 480 /* pixels, longer side of the working copy */
+#define CELL 32  /* places tried across the repeating cell */
 
 typedef struct work {
-    int w, h, k; /* size, pixels of the picture per pixel here */
-    float *grey, *votes, *smooth;
-    edge *edges;
-    size_t nedges;
+    int w, h;
+    double k; /* pixels of the picture per pixel here */
+    float *g, *gx, *gy;
 } work;
 
 static void work_free(work *a)
 {
-    free(a->grey);
-    free(a->votes);
-    free(a->smooth);
-    free(a->edges);
-}
-
-static int by_weight(const void *a, const void *b)
-{
-    float x = ((const edge *)a)->w, y = ((const edge *)b)->w;
-    return (x < y) - (x > y);
+    free(a->g);
+    free(a->gx);
+    free(a->gy);
 }
 
 static int work_init(work *a, const float *pix, int w, int h)
 {
     float *full = circle_grey(pix, w, h);
+    int longer = w > h ? w : h, k = (longer + SIDE - 1) / SIDE;
     memset(a, 0, sizeof *a);
-    int longer = w > h ? w : h;
-    a->k = (longer + SIDE - 1) / SIDE;
-    a->w = w / a->k, a->h = h / a->k;
+    a->k = k, a->w = w / k, a->h = h / k;
     size_t n = (size_t)a->w * (size_t)a->h;
-    a->grey = malloc(n * sizeof(float)), a->votes = malloc(n * sizeof(float)), a->smooth = malloc(n * sizeof(float));
-    a->edges = malloc(n * sizeof(edge));
-    if (!full || !a->grey || !a->votes || !a->smooth || !a->edges) {
+    a->g = malloc(n * sizeof(float)), a->gx = calloc(n, sizeof(float)), a->gy = calloc(n, sizeof(float));
+    if (!full || !a->g || !a->gx || !a->gy) {
         free(full);
         return -1;
     }
     for (int y = 0; y < a->h; y++)
         for (int x = 0; x < a->w; x++) {
             float s = 0;
-            for (int j = 0; j < a->k; j++)
-                for (int i = 0; i < a->k; i++) s += full[(size_t)(y * a->k + j) * (size_t)w + (size_t)(x * a->k + i)];
-            a->grey[(size_t)y * (size_t)a->w + (size_t)x] = s / (float)(a->k * a->k);
+            for (int j = 0; j < k; j++)
+                for (int i = 0; i < k; i++) s += full[(size_t)(y * k + j) * (size_t)w + (size_t)(x * k + i)];
+            a->g[(size_t)y * (size_t)a->w + (size_t)x] = s / (float)(k * k);
         }
     free(full);
     for (int y = 1; y + 1 < a->h; y++)
         for (int x = 1; x + 1 < a->w; x++) {
-            const float *p = a->grey + (size_t)y * (size_t)a->w + (size_t)x;
-            int s = a->w;
-            float gx = (p[-s + 1] + 2 * p[1] + p[s + 1]) - (p[-s - 1] + 2 * p[-1] + p[s - 1]);
-            float gy = (p[s - 1] + 2 * p[s] + p[s + 1]) - (p[-s - 1] + 2 * p[-s] + p[-s + 1]);
-            float m = hypotf(gx, gy);
-            if (m > 0.1f) a->edges[a->nedges++] = (edge){(float)x, (float)y, gx / m, gy / m, m};
+            size_t at = (size_t)y * (size_t)a->w + (size_t)x;
+            a->gx[at] = fmaxf(-0.5f, fminf(0.5f, (a->g[at + 1] - a->g[at - 1]) / 2));
+            a->gy[at] = fmaxf(-0.5f, fminf(0.5f, (a->g[at + (size_t)a->w] - a->g[at - (size_t)a->w]) / 2));
         }
-    qsort(a->edges, a->nedges, sizeof(edge), by_weight);
-    if (a->nedges > n / 4) a->nedges = n / 4;
-    return a->nedges ? 0 : -1;
+    return 0;
 }
 
-static void vote(work *a, float r)
+/* Normalised correlation of the gradient with itself, shifted by whole pixels. */
+static double likeness(const work *a, int dx, int dy)
 {
-    size_t n = (size_t)a->w * (size_t)a->h;
-    memset(a->votes, 0, n * sizeof(float));
-    for (size_t i = 0; i < a->nedges; i++) {
-        const edge *e = a->edges + i;
-        for (int side = -1; side <= 1; side += 2) {
-            int x = (int)lrintf(e->x + (float)side * r * e->dx), y = (int)lrintf(e->y + (float)side * r * e->dy);
-            if (x >= 0 && y >= 0 && x < a->w && y < a->h) a->votes[(size_t)y * (size_t)a->w + (size_t)x] += fminf(e->w, 1);
+    double cross = 0, one = 1e-9, two = 1e-9;
+    int x0 = dx < 0 ? -dx : 0, x1 = dx > 0 ? a->w - dx : a->w, y0 = dy < 0 ? -dy : 0, y1 = dy > 0 ? a->h - dy : a->h;
+    for (int y = y0; y < y1; y++) {
+        const float *px = a->gx + (size_t)y * (size_t)a->w, *py = a->gy + (size_t)y * (size_t)a->w;
+        const float *qx = a->gx + (size_t)(y + dy) * (size_t)a->w + dx, *qy = a->gy + (size_t)(y + dy) * (size_t)a->w + dx;
+        float c = 0, p = 0, q = 0;
+        for (int x = x0; x < x1; x++) {
+            c += px[x] * qx[x] + py[x] * qy[x];
+            p += px[x] * px[x] + py[x] * py[x];
+            q += qx[x] * qx[x] + qy[x] * qy[x];
         }
+        cross += (double)c, one += (double)p, two += (double)q;
     }
-    memset(a->smooth, 0, n * sizeof(float));
-    for (int y = 1; y + 1 < a->h; y++)
-        for (int x = 1; x + 1 < a->w; x++) {
-            const float *p = a->votes + (size_t)y * (size_t)a->w + (size_t)x;
-            int s = a->w;
-            a->smooth[(size_t)y * (size_t)s + (size_t)x] =
-                p[-s - 1] + p[-s] + p[-s + 1] + p[-1] + p[0] + p[1] + p[s - 1] + p[s] + p[s + 1];
-        }
+    return cross / sqrt(one * two);
 }
 
-static int by_votes(const void *a, const void *b)
-{
-    double x = ((const peak *)a)->votes, y = ((const peak *)b)->votes;
-    return (x < y) - (x > y);
-}
-
-/* The highest peaks that are at least 1.5 r apart; their number. */
-static int peaks(peak *out, int max, peak *room, const work *a, double r)
-{
-    int n = 0, found = 0, b = (int)fmax(1, 0.3 * r);
-    for (int y = 1; y + 1 < a->h; y++)
-        for (int x = 1; x + 1 < a->w; x++) {
-            const float *p = a->smooth + (size_t)y * (size_t)a->w + (size_t)x;
-            if (*p <= 0) continue;
-            int top = 1;
-            for (int j = -b; top && j <= b; j++)
-                for (int i = -b; top && i <= b; i++)
-                    if (x + i >= 0 && y + j >= 0 && x + i < a->w && y + j < a->h && (p[j * a->w + i] > *p || (p[j * a->w + i] == *p && (j < 0 || (j == 0 && i < 0)))))
-                        top = 0;
-            if (top) room[n++] = (peak){x + 0.5, y + 0.5, (double)*p, 0, 0, 0};
-        }
-    qsort(room, (size_t)n, sizeof *room, by_votes);
-    for (int k = 0; k < n && found < max; k++) {
-        int clear = 1;
-        for (int i = 0; clear && i < found; i++) clear = hypot(out[i].x - room[k].x, out[i].y - room[k].y) > 1.5 * r;
-        if (clear) out[found++] = room[k];
-    }
-    return found;
-}
-
-static int by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* Median step from a peak to its next neighbour within 40 degrees of (dx, dy); 0 if there is none. */
-static int median_step(double step[2], const peak *p, int n, double dx, double dy, double r)
-{
-    double *sx = malloc(sizeof(double) * 2 * (size_t)n), *sy = sx ? sx + n : NULL;
-    int k = 0;
-    if (!sx) return 0;
-    for (int i = 0; i < n; i++) {
-        double best = 4.5 * r, bx = 0, by = 0;
-        for (int j = 0; j < n; j++) {
-            double x = p[j].x - p[i].x, y = p[j].y - p[i].y, d = hypot(x, y);
-            if (j != i && d < best && x * dx + y * dy > 0.77 * d) best = d, bx = x, by = y;
-        }
-        if (best < 4.5 * r) sx[k] = bx, sy[k++] = by;
-    }
-    if (k) {
-        qsort(sx, (size_t)k, sizeof *sx, by_value);
-        qsort(sy, (size_t)k, sizeof *sy, by_value);
-        step[0] = sx[k / 2], step[1] = sy[k / 2];
-    }
-    free(sx);
-    return k > 0;
-}
-
-/* Give indices to all peaks that hang together with peak 0. */
-static void index_peaks(peak *p, int n, const double u[2], const double v[2])
-{
-    double tol = 0.3 * fmin(hypot(u[0], u[1]), hypot(v[0], v[1]));
-    p[0].known = 1;
-    for (int grew = 1; grew;) {
-        grew = 0;
-        for (int a = 0; a < n; a++) {
-            if (!p[a].known) continue;
-            for (int d = 0; d < 4; d++) {
-                int di = d == 0 ? 1 : d == 1 ? -1 : 0, dj = d == 2 ? 1 : d == 3 ? -1 : 0;
-                double x = p[a].x + di * u[0] + dj * v[0], y = p[a].y + di * u[1] + dj * v[1];
-                for (int b = 0; b < n; b++)
-                    if (!p[b].known && hypot(p[b].x - x, p[b].y - y) < tol) {
-                        p[b].known = 1, p[b].i = p[a].i + di, p[b].j = p[a].j + dj;
-                        grew = 1;
-                    }
-            }
-        }
-    }
-}
-
-/* Lower corner of the n x m window of indices with the most votes; the votes, and peaks inside. */
-static double best_window(int at[2], int *inside, const peak *p, int np, int n, int m)
+/* The shortest good shift within 12 degrees of the unit vector d, of length lo..hi; then made precise on multiples. */
+static double find_step(double step[2], const work *a, const double d[2], double lo, double hi, int count)
 {
     double best = 0;
-    for (int a = 0; a < np; a++)
-        for (int b = 0; b < np; b++) {
-            if (!p[a].known || !p[b].known) continue;
-            double sum = 0;
-            int count = 0;
-            for (int k = 0; k < np; k++)
-                if (p[k].known && p[k].i >= p[a].i && p[k].i < p[a].i + n && p[k].j >= p[b].j && p[k].j < p[b].j + m)
-                    sum += p[k].votes, count++;
-            if (sum > best) best = sum, at[0] = p[a].i, at[1] = p[b].j, *inside = count;
-        }
+    for (int pass = 0; pass < 2; pass++) {
+        double shortest = INFINITY;
+        for (int dy = -(int)hi; dy <= (int)hi; dy++)
+            for (int dx = -(int)hi; dx <= (int)hi; dx++) {
+                double len = hypot(dx, dy), along = dx * d[0] + dy * d[1];
+                if (len < lo || len > hi || along < 0.978 * len) continue;
+                if (pass && len >= shortest) continue;
+                double c = likeness(a, dx, dy);
+                if (!pass && c > best) best = c, step[0] = dx, step[1] = dy;
+                /* a peak that is nearly as good and clearly shorter: the first was a multiple */
+                if (pass && c > 0.85 * best && len < 0.7 * hypot(step[0], step[1])) shortest = len, step[0] = dx, step[1] = dy;
+            }
+    }
+    for (int q = 2; q <= count - 1 && q <= 6; q++) {
+        int mx = (int)lrint(q * step[0]), my = (int)lrint(q * step[1]), bx = mx, by = my;
+        double top = -1;
+        for (int j = -2; j <= 2; j++)
+            for (int i = -2; i <= 2; i++) {
+                if (abs(mx + i) >= a->w - 2 || abs(my + j) >= a->h - 2) continue;
+                double c = likeness(a, mx + i, my + j);
+                if (c > top) top = c, bx = mx + i, by = my + j;
+            }
+        if (top > 0.3 * best) step[0] = (double)bx / q, step[1] = (double)by / q;
+    }
     return best;
 }
 
-static int lattice(sphere_seen corner[4], peak *p, int np, double r, int n, int m, double rotate, int k, errmsg *e)
+/* What the same place of neighbouring cells has in common, over all nodes within the picture: the mean
+ * product of gradients, and minus the mean squared difference (clipped) of what is seen. */
+static void compare_cells(float product[CELL][CELL], float same[CELL][CELL], const work *a, const double u[2], const double v[2],
+                          double pitch, int n, int m)
 {
-    /* +u in the picture: right, turned back by rotate; +v to its left */
-    double c = cos(rotate), s = sin(rotate), u[2] = {c, s}, v[2] = {s, -c}, pu[2], pv[2];
-    int have_u = n > 1 && median_step(pu, p, np, u[0], u[1], r), have_v = m > 1 && median_step(pv, p, np, v[0], v[1], r);
-    if ((n > 1 && !have_u) || (m > 1 && !have_v))
-        return err_set(e, "expected an array of %d x %d mirror spheres, found no rows of equal circles", n, m);
-    if (!have_u) pu[0] = -pv[1], pu[1] = pv[0];
-    if (!have_v) pv[0] = pu[1], pv[1] = -pu[0];
-    index_peaks(p, np, pu, pv);
-    int at[2] = {0, 0}, inside = 0;
-    best_window(at, &inside, p, np, n, m);
-    if (inside < (n * m * 3 + 3) / 4)
-        return err_set(e, "expected %d x %d mirror spheres, found only %d circles in a grid; give --corners", n, m, inside);
-    /* least squares for origin and steps within the window: position = o + i u + j v */
-    double a[3][3] = {{0}}, bx[3] = {0}, by[3] = {0};
-    for (int q = 0; q < np; q++) {
-        double f[3] = {1, p[q].i - at[0], p[q].j - at[1]};
-        if (!p[q].known || f[1] < 0 || f[1] >= n || f[2] < 0 || f[2] >= m) continue;
-        for (int y = 0; y < 3; y++) {
-            bx[y] += f[y] * p[q].x, by[y] += f[y] * p[q].y;
-            for (int x = 0; x < 3; x++) a[y][x] += f[y] * f[x];
+    int reach = (int)(hypot(a->w, a->h) / pitch) + 2;
+    for (int q = 0; q < CELL; q++)
+        for (int p = 0; p < CELL; p++) {
+            double sum = 0, diff = 0, count = 0;
+            for (int j = -reach; j <= reach; j++)
+                for (int i = -reach; i <= reach; i++) {
+                    double s = i + (p + 0.5) / CELL, t = j + (q + 0.5) / CELL, x = s * u[0] + t * v[0], y = s * u[1] + t * v[1];
+                    if (x < 0 || y < 0 || x >= a->w || y >= a->h) continue;
+                    size_t here = (size_t)y * (size_t)a->w + (size_t)x;
+                    for (int d = 0; d < 2; d++) {
+                        double nx = x + (d ? v[0] : u[0]), ny = y + (d ? v[1] : u[1]);
+                        if ((d ? m : n) == 1 || nx < 0 || ny < 0 || nx >= a->w || ny >= a->h) continue;
+                        size_t there = (size_t)ny * (size_t)a->w + (size_t)nx;
+                        double e = (double)(a->g[there] - a->g[here]);
+                        sum += (double)(a->gx[here] * a->gx[there] + a->gy[here] * a->gy[there]), diff += fmin(e * e, 0.25), count++;
+                    }
+                }
+            product[q][p] = (float)(count > 0 ? sum / count : 0);
+            same[q][p] = (float)(count > 0 ? -diff / count : 0);
         }
-    }
-    if (n == 1) a[1][1] += 1;
-    if (m == 1) a[2][2] += 1;
-    for (int y = 0; y < 3; y++) /* elimination of a small, well-posed system */
-        for (int z = 0; z < 3; z++) {
-            if (z == y) continue;
-            double f = a[z][y] / a[y][y];
-            for (int x = 0; x < 3; x++) a[z][x] -= f * a[y][x];
-            bx[z] -= f * bx[y], by[z] -= f * by[y];
+}
+
+#define GUESSES 3
+
+/* Guesses at the centre in the cell, in steps: neighbours have much in common in the middle, where no sphere
+ * hides the room, and little in the ring of reflected reflections around it. */
+static void find_centre(double at[GUESSES][2], float shared[CELL][CELL], const double u[2], const double v[2], double pitch)
+{
+    float score[CELL][CELL];
+    for (int q = 0; q < CELL; q++)
+        for (int p = 0; p < CELL; p++) {
+            double in = 0, nin = 0, ring = 0, nring = 0;
+            for (int j = 0; j < CELL; j++)
+                for (int i = 0; i < CELL; i++) {
+                    double s = (double)(i - p) / CELL, t = (double)(j - q) / CELL;
+                    s -= nearbyint(s), t -= nearbyint(t);
+                    double r = hypot(s * u[0] + t * v[0], s * u[1] + t * v[1]) / pitch, d = (double)shared[j][i];
+                    if (r < 0.28) in += d, nin++;
+                    else if (r > 0.34 && r < 0.48) ring += d, nring++;
+                }
+            score[q][p] = (float)(in / nin - ring / nring);
         }
-    for (int q = 0; q < 4; q++) {
-        double i = q == 1 || q == 2 ? n - 1 : 0, j = q >= 2 ? m - 1 : 0;
-        double x = bx[0] / a[0][0] + i * bx[1] / a[1][1] + j * bx[2] / a[2][2];
-        double y = by[0] / a[0][0] + i * by[1] / a[1][1] + j * by[2] / a[2][2];
-        /* the corner's own peak, where there is one: the steps are not quite even under perspective */
-        for (int z = 0; z < np; z++)
-            if (p[z].known && p[z].i - at[0] == (int)i && p[z].j - at[1] == (int)j) x = p[z].x, y = p[z].y;
-        corner[q] = (sphere_seen){x * k, y * k, r * k};
+    for (int k = 0; k < GUESSES; k++) { /* the highest, a quarter of a cell apart */
+        float best = -INFINITY;
+        for (int q = 0; q < CELL; q++)
+            for (int p = 0; p < CELL; p++) {
+                int apart = 1;
+                for (int i = 0; i < k; i++) {
+                    double s = (p + 0.5) / CELL - at[i][0], t = (q + 0.5) / CELL - at[i][1];
+                    apart &= hypot(s - nearbyint(s), t - nearbyint(t)) > 0.2;
+                }
+                if (apart && score[q][p] > best) best = score[q][p], at[k][0] = (p + 0.5) / CELL, at[k][1] = (q + 0.5) / CELL;
+            }
     }
-    return 0;
+}
+
+/* How alike the reflections around two points are: correlation of grey within 0.6 r; -1 outside. */
+static double patches_alike(const work *a, double x0, double y0, double x1, double y1, double r)
+{
+    double n = 0, s0 = 0, s1 = 0, s00 = 0, s11 = 0, s01 = 0;
+    int b = (int)(0.6 * r);
+    for (int j = -b; j <= b; j++)
+        for (int i = -b; i <= b; i++) {
+            int xa = (int)floor(x0) + i, ya = (int)floor(y0) + j, xb = (int)floor(x1) + i, yb = (int)floor(y1) + j;
+            if (i * i + j * j > b * b) continue;
+            if (xa < 0 || ya < 0 || xb < 0 || yb < 0 || xa >= a->w || xb >= a->w || ya >= a->h || yb >= a->h) return -1;
+            double p = (double)a->g[(size_t)ya * (size_t)a->w + (size_t)xa], q = (double)a->g[(size_t)yb * (size_t)a->w + (size_t)xb];
+            n++, s0 += p, s1 += q, s00 += p * p, s11 += q * q, s01 += p * q;
+        }
+    double v0 = s00 - s0 * s0 / n, v1 = s11 - s1 * s1 / n;
+    return (s01 - s0 * s1 / n) / sqrt((v0 + 1e-3 * n) * (v1 + 1e-3 * n));
+}
+
+/* Node of the array's (0, 0): the window of n x m nodes that holds most likeness. */
+static double best_window(int at[2], const work *a, const double o[2], const double u[2], const double v[2], double r, int n, int m)
+{
+    enum { MOST = 160 };
+    int half = MOST / 2, reach = (int)fmin(half - 1, 1.5 * hypot(a->w, a->h) / fmin(hypot(u[0], u[1]), hypot(v[0], v[1])));
+    float(*like)[MOST] = calloc(MOST, sizeof *like);
+    double best = -INFINITY;
+    if (!like) return best;
+    for (int j = -reach; j < reach; j++)
+        for (int i = -reach; i < reach; i++) {
+            double x = o[0] + i * u[0] + j * v[0], y = o[1] + i * u[1] + j * v[1], c = 0;
+            float *l = &like[j + half][i + half];
+            if (x < 0 || y < 0 || x >= a->w || y >= a->h) {
+                *l = -1;
+                continue;
+            }
+            /* with the nearest neighbours on either side, the better of the two, in both directions */
+            if (n > 1)
+                c += fmax(patches_alike(a, x, y, x + u[0], y + u[1], r), patches_alike(a, x, y, x - u[0], y - u[1], r));
+            if (m > 1)
+                c += fmax(patches_alike(a, x, y, x + v[0], y + v[1], r), patches_alike(a, x, y, x - v[0], y - v[1], r));
+            *l = (float)(c / ((n > 1) + (m > 1)) - 0.3);
+        }
+    for (int j = -reach; j + m <= reach; j++)
+        for (int i = -reach; i + n <= reach; i++) {
+            double s = 0;
+            for (int q = 0; q < m; q++)
+                for (int p = 0; p < n; p++) s += (double)like[j + q + half][i + p + half];
+            if (s > best) best = s, at[0] = i, at[1] = j;
+        }
+    free(like);
+    return best / ((double)n * m);
 }
 
 static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e)
 {
     work a;
-    int most = n * m + n + m + 4, np = 0, rc = -1;
-    peak *p = NULL, *room = NULL;
-    if (work_init(&a, pix, w, h)) {
+    /* +u in the picture: right, turned back by rotate; +v to its left */
+    double co = cos(rotate), si = sin(rotate), du[2] = {co, si}, dv[2] = {si, -co}, u[2] = {0, 0}, v[2] = {0, 0};
+    if (n > 100 || m > 100) return err_set(e, "expected at most 100 x 100 spheres to find, found %d x %d", n, m);
+    if (w / n < 12 || h / m < 12 || work_init(&a, pix, w, h))
+        return err_set(e, "expected at least 12 pixels a sphere, found a picture of %d x %d for %d x %d spheres", w, h, n, m);
+    double along_u = (fabs(co) * a.w + fabs(si) * a.h) / n, along_v = (fabs(si) * a.w + fabs(co) * a.h) / m;
+    double most = n > 1 && m > 1 ? fmin(along_u, along_v) : n > 1 ? along_u : along_v, found = 1;
+    if (n > 1) found = fmin(found, find_step(u, &a, du, 0.3 * most, 1.15 * most, n));
+    if (m > 1) found = fmin(found, find_step(v, &a, dv, 0.3 * most, 1.15 * most, m));
+    if (n == 1) u[0] = -v[1], u[1] = v[0];
+    if (m == 1) v[0] = u[1], v[1] = -u[0];
+    double pu = hypot(u[0], u[1]), pv = hypot(v[0], v[1]), pitch = fmin(pu, pv);
+    if (found < 0.1 || fabs(pu - pv) > 0.25 * pitch) {
         work_free(&a);
-        return err_set(e, "expected a picture with edges, found none");
+        return err_set(e, "expected an array of %d x %d mirror spheres, found nothing that repeats itself so; give --corners", n, m);
     }
-    p = malloc(sizeof *p * (size_t)most), room = malloc(sizeof *room * (size_t)a.w * (size_t)a.h);
-    if (!p || !room) {
-        err_set(e, "out of memory");
-        goto done;
+    float shared[2][CELL][CELL];
+    double at[2 * GUESSES][2], best = 0;
+    compare_cells(shared[0], shared[1], &a, u, v, pitch, n, m);
+    find_centre(at, shared[0], u, v, pitch);
+    find_centre(at + GUESSES, shared[1], u, v, pitch);
+    for (int try = 0; try < 4 * GUESSES && best < 1.2; try++) { /* each guess taken to its rims: which has most of them? */
+        int k = try % (2 * GUESSES);
+        double slack = (try < 2 * GUESSES ? 0.04 : 0.15) * a.k * pitch;
+        double o[2] = {at[k][0] * u[0] + at[k][1] * v[0], at[k][0] * u[1] + at[k][1] * v[1]};
+        int node[2] = {0, 0};
+        if (!(best_window(node, &a, o, u, v, 0.4 * pitch, n, m) > 0.1)) continue;
+        sphere_seen c[4];
+        for (int q = 0; q < 4; q++) {
+            double i = node[0] + (q == 1 || q == 2 ? n - 1 : 0), j = node[1] + (q >= 2 ? m - 1 : 0);
+            c[q] = (sphere_seen){a.k * (o[0] + i * u[0] + j * v[0]), a.k * (o[1] + i * u[1] + j * v[1]), a.k * 0.5 * pitch};
+        }
+        sphere_grid g;
+        sphere_fit fit;
+        sphere_seen *all = malloc(sizeof *all * (size_t)n * (size_t)m);
+        double quality = 0;
+        if (all && !sphere_outer_radius(c, pix, w, h, n, m, rotate, NULL) && !sphere_grid_init(&g, n, m, c, rotate, NULL)) {
+            int rc = n > 1 && m > 1 ? sphere_refine(all, &fit, &g, c, rotate, slack, 0.3 * a.k * pitch, pix, w, h, NULL) : 1;
+            quality = rc < 0 ? 0 : rc > 0 ? 1e-3 : (0.1 + fit.seen / ((double)n * m)) / (0.3 + fit.rms);
+            for (int q = 0; q < 4 && rc == 0; q++) c[q] = sphere_grid_at(NULL, &g, q == 1 || q == 2 ? n - 1 : 0, q >= 2 ? m - 1 : 0);
+        }
+        free(all);
+        if (quality > best) best = quality, memcpy(corner, c, sizeof c);
     }
-    int turned = fabs(sin(rotate)) > 0.7;
-    double across = turned ? m : n, down = turned ? n : m;
-    double rmax = 0.55 * fmin(a.w / across, a.h / down), rmin = fmax(0.2 * rmax, 3), best = 0, best_r = 0;
-    for (double r = rmin; r <= rmax; r += fmax(0.5, 0.02 * r)) {
-        vote(&a, (float)r);
-        np = peaks(p, n * m, room, &a, r);
-        double sum = 0;
-        for (int k = 0; k < np; k++) sum += p[k].votes;
-        sum /= r * n * m;
-        if (sum > best) best = sum, best_r = r;
-    }
-    if (best > 0) {
-        vote(&a, (float)best_r);
-        np = peaks(p, most, room, &a, best_r);
-        rc = lattice(corner, p, np, best_r, n, m, rotate, a.k, e);
-    } else {
-        err_set(e, "expected an array of %d x %d mirror spheres, found no circles", n, m);
-    }
-done:
-    free(p);
-    free(room);
     work_free(&a);
-    return rc;
+    if (!(best > 0)) return err_set(e, "expected an array of %d x %d mirror spheres, found none that look alike; give --corners", n, m);
+    return 0;
 }
 
 int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e)

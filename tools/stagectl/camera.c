@@ -1,0 +1,147 @@
+/* camera.c - see camera.h. */
+#include "camera.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "deadline.h"
+#include "signals.h"
+
+/* In the child: nothing but async-signal-safe calls. */
+static _Noreturn void become(const argwords *argv, const camera_limits *l, pid_t parent, int report)
+{
+    struct sigaction dfl = {.sa_handler = SIG_DFL};
+    const int signals[] = {SIGINT, SIGTERM, SIGHUP, SIGCONT, SIGPIPE, SIGQUIT};
+    setpgid(0, 0);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (getppid() != parent) _exit(127); /* it died before the line above */
+    for (size_t k = 0; k < sizeof signals / sizeof *signals; k++) sigaction(signals[k], &dfl, NULL);
+    int null = open("/dev/null", O_RDONLY);
+    if (null >= 0) dup2(null, 0);
+    dup2(l->log_fd, 1);
+    dup2(l->log_fd, 2);
+    if (l->lock_fd >= 0) fcntl(l->lock_fd, F_SETFD, 0);
+    execvp(argv->word[0], argv->word);
+    int why = errno;
+    if (write(report, &why, sizeof why) < 0) {
+    }
+    _exit(127);
+}
+
+/* Last line that the command wrote after byte `from` of the log. */
+static void last_words(char out[200], int fd, off_t from)
+{
+    char buf[1024];
+    off_t end = lseek(fd, 0, SEEK_END);
+    if (end - from > (off_t)sizeof buf - 1) from = end - (off_t)sizeof buf + 1;
+    ssize_t n = end > from ? pread(fd, buf, (size_t)(end - from), from) : 0;
+    while (n > 0 && (buf[n - 1] == '\n' || buf[n - 1] == '\r' || buf[n - 1] == ' ')) n--;
+    ssize_t start = n;
+    while (start > 0 && buf[start - 1] != '\n') start--;
+    snprintf(out, 200, "%.*s", n > start ? (int)(n - start) : 0, buf + start);
+}
+
+/* Does the log hold the text after byte `from`?  Read in pieces that overlap. */
+static int said(int fd, off_t from, const char *text)
+{
+    char buf[8192];
+    size_t len = strlen(text), kept = 0;
+    if (len == 0 || len >= sizeof buf / 2) return 0;
+    for (ssize_t n; (n = pread(fd, buf + kept, sizeof buf - kept, from)) > 0; from += n) {
+        size_t have = kept + (size_t)n;
+        if (memmem(buf, have, text, len)) return 1;
+        kept = have < len ? have : len - 1;
+        memmove(buf, buf + have - kept, kept);
+    }
+    return 0;
+}
+
+/* Wait until the process has ended (not reaped yet), an interrupt, or the deadline: 1, -1, 0. */
+static int wait_end(int pidfd, double deadline, int heed_interrupt)
+{
+    for (;;) {
+        struct pollfd f[2] = {{.fd = pidfd, .events = POLLIN},
+                              {.fd = heed_interrupt ? signals_fd() : -1, .events = POLLIN}};
+        int n = poll(f, 2, left_ms(deadline));
+        signals_answer();
+        if (n < 0 && errno == EINTR) continue;
+        if (f[0].revents) return 1;
+        if (f[1].revents) return -1;
+        if (n <= 0) return 0;
+    }
+}
+
+static int start(pid_t *pid, int *pidfd, const argwords *argv, const camera_limits *l, errmsg *e)
+{
+    int report[2], why = 0;
+    pid_t parent = getpid();
+    if (pipe2(report, O_CLOEXEC) != 0) return err_errno(e, "camera");
+    *pid = fork();
+    if (*pid == 0) become(argv, l, parent, report[1]);
+    int forked = errno;
+    close(report[1]);
+    if (*pid < 0) {
+        close(report[0]);
+        errno = forked;
+        return err_errno(e, "camera");
+    }
+    setpgid(*pid, *pid); /* whoever is first; the group is there before any kill */
+    *pidfd = (int)syscall(SYS_pidfd_open, *pid, 0);
+    ssize_t n;
+    while ((n = read(report[0], &why, sizeof why)) < 0 && errno == EINTR) {
+    }
+    close(report[0]);
+    if (n == (ssize_t)sizeof why || *pidfd < 0) {
+        int no_pidfd = *pidfd < 0 ? errno : 0;
+        kill(*pid, SIGKILL);
+        while (waitpid(*pid, NULL, 0) < 0 && errno == EINTR) {
+        }
+        if (*pidfd >= 0) close(*pidfd);
+        errno = n == (ssize_t)sizeof why ? why : no_pidfd;
+        return err_errno(e, "camera: %s", argv->word[0]);
+    }
+    return 0;
+}
+
+camera_result camera_run(const argwords *argv, const camera_limits *l, errmsg *e)
+{
+    pid_t pid = -1;
+    int pidfd = -1, status = 0;
+    char words[200];
+    off_t log_from = lseek(l->log_fd, 0, SEEK_END);
+    if (start(&pid, &pidfd, argv, l, e) != 0) return CAMERA_FAILED;
+    int ended = wait_end(pidfd, now_s() + l->timeout_s, 1), reason = ended;
+    if (ended != 1) {
+        kill(-pid, SIGTERM);
+        ended = wait_end(pidfd, now_s() + l->kill_after_s, 0);
+    }
+    kill(-pid, SIGKILL); /* it, or what it has left behind: nothing of it may run while the stage moves */
+    while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+    }
+    close(pidfd);
+    if (reason == -1) {
+        err_set(e, "interrupted while exposing");
+        return CAMERA_INTERRUPTED;
+    }
+    last_words(words, l->log_fd, log_from);
+    if (reason == 0)
+        err_set(e, "camera: not done after %g s, %s%s%s", l->timeout_s, ended == 1 ? "ended" : "killed",
+                words[0] ? ": " : "", words);
+    else if (WIFSIGNALED(status))
+        err_set(e, "camera: ended by signal %d%s%s", WTERMSIG(status), words[0] ? ": " : "", words);
+    else if (WEXITSTATUS(status) != 0)
+        err_set(e, "camera: exit code %d%s%s", WEXITSTATUS(status), words[0] ? ": " : "", words);
+    else if (said(l->log_fd, log_from, l->error_text))
+        err_set(e, "camera: it said '%s': %s", l->error_text, words);
+    else
+        return CAMERA_OK;
+    return CAMERA_FAILED;
+}

@@ -1,0 +1,269 @@
+/* capture.c - the loop over places; see capture.h. */
+#include "capture.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "deadline.h"
+#include "files.h"
+#include "names.h"
+#include "outfile.h"
+#include "signals.h"
+
+static void show(capture_run *r, const char *doing)
+{
+    long left = r->now.places - r->now.places_done;
+    r->now.doing = doing;
+    if (r->places_this_run > 0)
+        r->now.left_s = (now_s() - r->started_s) / (double)r->places_this_run * (double)left;
+    if (r->progress) r->progress(&r->now);
+}
+
+/* What the journal knows of a place's series, as the choice of the next exposure wants it. */
+static void seen_of(exposure_seen *seen, const session *s, const journal_place *p)
+{
+    for (int k = 0; k < s->exposures; k++) {
+        const journal_shot *t = p->shot ? &p->shot[k] : NULL;
+        seen[k].taken = t && t->taken;
+        seen[k].clips = seen[k].taken && t->clip > s->clip_share;
+        seen[k].black = seen[k].taken && t->black > s->black_share;
+    }
+}
+
+static int next_exposure(const capture_run *r, const journal_place *p)
+{
+    exposure_seen seen[EXPOSURES_MAX];
+    seen_of(seen, r->s, p);
+    if (r->s->adaptive) return exposures_next(seen, r->s->exposures, r->guess);
+    for (int k = 0; k < r->s->exposures; k++)
+        if (!seen[k].taken) return k;
+    return -1;
+}
+
+/* The list of times that hdrgen reads; its presence tells make that the place is done.  Written if the place
+ * is only now done, or the file is not there. */
+static int write_times(const capture_run *r, const place *p, errmsg *e)
+{
+    const session *s = r->s;
+    const journal_place *jp = journal_at(r->j, p->i, p->j);
+    char name[NAME_ROOM], path[4096];
+    outfile *o;
+    if (name_times(name, s, p->i, p->j, e) != 0) return -1;
+    if (!name[0]) return 0;
+    if (files_join(path, sizeof path, s->folder, name, e) != 0) return -1;
+    if (jp->done && access(path, F_OK) == 0) return 0;
+    if (files_make_parents(path, e) != 0 || out_begin(&o, path, e) != 0) return -1;
+    fprintf(out_stream(o), "# node %d %d, image seconds\n", p->i, p->j);
+    for (int k = 0; k < s->exposures; k++) {
+        if (!jp->shot || !jp->shot[k].taken) continue;
+        if (name_picture(name, s, p->i, p->j, k, e) != 0) {
+            out_abort(o);
+            return -1;
+        }
+        const char *slash = strrchr(name, '/'), *base = slash ? slash + 1 : name;
+        fprintf(out_stream(o), strpbrk(base, " \t") ? "\"%s\" %.10g\n" : "%s %.10g\n", base, s->exposure[k]);
+    }
+    return out_commit(o, e);
+}
+
+static stage_code finish_place(capture_run *r, const place *p, errmsg *e)
+{
+    const journal_place *jp = journal_at(r->j, p->i, p->j);
+    exposure_seen seen[EXPOSURES_MAX];
+    if (shots_commit(r, e) != 0) return STAGE_FAILED;
+    if (write_times(r, p, e) != 0) return STAGE_FAILED;
+    if (!jp->done && journal_done(r->j, p->i, p->j, e) != 0) return STAGE_FAILED;
+    seen_of(seen, r->s, jp);
+    if (r->s->adaptive) r->guess = exposures_guess(seen, r->s->exposures, r->guess);
+    for (int k = 0; k < r->s->exposures; k++) r->shots_left_out += !seen[k].taken;
+    r->now.places_done++;
+    return STAGE_OK;
+}
+
+/* A camera that a killed run has left behind may still expose: nothing moves before it ends. */
+static stage_code wait_for_camera(capture_run *r, errmsg *e)
+{
+    double until = now_s() + r->s->timeout + r->s->exposure[r->s->exposures - 1];
+    int told = 0;
+    while (flock(r->camera_lock_fd, LOCK_EX | LOCK_NB) != 0) {
+        if (!told++ && r->say) r->say("a camera command of an earlier run is still at work; waiting for it");
+        if (now_s() > until) {
+            err_set(e, "%s: a camera command of an earlier run does not end", r->s->folder);
+            return STAGE_FAILED;
+        }
+        if (signals_number()) {
+            err_set(e, "interrupted while waiting for a camera");
+            return STAGE_INTERRUPTED;
+        }
+        struct timespec pause = {.tv_nsec = 50000000};
+        nanosleep(&pause, NULL);
+    }
+    return STAGE_OK;
+}
+
+static stage_code open_files(capture_run *r, errmsg *e)
+{
+    char path[4096];
+    if (files_join(path, sizeof path, r->s->folder, ".camera", e) != 0) return STAGE_FAILED;
+    r->camera_lock_fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (r->camera_lock_fd >= 0 && files_join(path, sizeof path, r->s->folder, "camera.log", e) != 0)
+        return STAGE_FAILED;
+    if (r->camera_lock_fd >= 0) r->log_fd = open(path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+    if (r->camera_lock_fd < 0 || r->log_fd < 0) {
+        err_errno(e, "%s", path);
+        return STAGE_FAILED;
+    }
+    return STAGE_OK;
+}
+
+static int check_travel(const capture_run *r, errmsg *e)
+{
+    const session *s = r->s;
+    const stage_facts *f = &r->stage->facts;
+    const double *t = s->travel, lo[2] = {t[0], t[2]}, hi[2] = {t[1], t[3]};
+    int stated = t[0] < t[1] || t[2] < t[3];
+    if (f->has_travel && plan_check_travel(s, f->lo, f->hi, e) != 0) return -1;
+    if (stated) return plan_check_travel(s, lo, hi, e);
+    if (!f->has_travel && r->say)
+        r->say("travel not checked: the controller doesn't say and [stage] travel is not given");
+    return 0;
+}
+
+/* Connect, compare with the journal, check every point, home. */
+static stage_code ready_stage(capture_run *r, errmsg *e)
+{
+    const session *s = r->s;
+    stage *st = r->stage;
+    const stage_driver *d = stage_driver_by_name(s->driver);
+    st->home_timeout_s = s->home_timeout;
+    memcpy(st->stated_steps_per_mm, s->steps_per_mm, sizeof st->stated_steps_per_mm);
+    show(r, "connecting");
+    stage_code c = stage_open(st, d, r->port, e);
+    if (c != STAGE_OK) return c;
+    const double *before = journal_steps(r->j), *now = st->facts.steps_per_mm;
+    if (before && (before[0] != now[0] || before[1] != now[1])) {
+        err_set(e, "stage: expected %g x %g steps/mm as when the session began, found %g x %g", before[0],
+                before[1], now[0], now[1]);
+        return STAGE_FAILED;
+    }
+    if (!before && journal_set_steps(r->j, now, e) != 0) return STAGE_FAILED;
+    if (check_travel(r, e) != 0) return STAGE_FAILED;
+    const double *last = journal_last_arrived(r->j), zero[2] = {0, 0};
+    if (r->assume_position || (!s->home && !last)) {
+        d->assume(st, last ? last : zero);
+        return STAGE_OK;
+    }
+    if (!s->home) {
+        err_set(
+            e,
+            "stage: the session has home = no: resume with --assume-position if the stage has kept its zero");
+        return STAGE_FAILED;
+    }
+    show(r, "homing");
+    return d->home(st, e);
+}
+
+static stage_code take_place(capture_run *r, const place *p, const double *from, errmsg *e)
+{
+    const session *s = r->s;
+    stage *st = r->stage;
+    double path[2][2], arrived[2];
+    char state[32];
+    journal_place *jp = journal_at(r->j, p->i, p->j);
+    show(r, "moving");
+    if (!jp->begun && journal_begin(r->j, p->i, p->j, e) != 0) return STAGE_FAILED;
+    stage_code c = st->driver->check(st, e);
+    int n = plan_path(path, s, from, p->machine);
+    if (c == STAGE_OK) c = st->driver->go(st, (const double(*)[2])path, n, s->feed, s->settle, e);
+    if (c == STAGE_OK) c = st->driver->where(st, arrived, state, e);
+    if (c != STAGE_OK) return c;
+    if (journal_arrived(r->j, p->i, p->j, arrived, e) != 0) return STAGE_FAILED;
+    for (int k; (k = next_exposure(r, jp)) >= 0;) {
+        r->now.k = k;
+        show(r, "exposing");
+        if ((c = shot_take(r, p, arrived, k, e)) != STAGE_OK) return c;
+        r->now.shots++;
+        r->shots_taken++;
+    }
+    return STAGE_OK;
+}
+
+static stage_code all_places(capture_run *r, errmsg *e)
+{
+    const session *s = r->s;
+    double at[2], *from = NULL; /* unknown side after homing or a resume */
+    for (long index = 0; index < plan_places(s); index++) {
+        place p;
+        plan_place(&p, s, index);
+        journal_place *jp = journal_at(r->j, p.i, p.j);
+        r->now.i = p.i;
+        r->now.j = p.j;
+        stage_code c = STAGE_OK;
+        if (signals_number()) {
+            err_set(e, "interrupted");
+            return STAGE_INTERRUPTED;
+        }
+        int needed = !jp->done && next_exposure(r, jp) >= 0;
+        if (needed && !r->stage->port) {
+            c = ready_stage(r, e);
+            r->started_s = now_s();
+        }
+        if (needed && c == STAGE_OK) {
+            c = take_place(r, &p, from, e);
+            memcpy(at, p.machine, sizeof at);
+            from = at;
+            r->places_this_run++;
+        }
+        if (c == STAGE_OK) c = finish_place(r, &p, e);
+        if (c != STAGE_OK) return c;
+        if (needed) show(r, "done");
+    }
+    return STAGE_OK;
+}
+
+/* After an end before its time: the stage must not go on moving.  What the session ended for stays the
+ * reason. */
+static void leave_stage_still(capture_run *r, stage_code why)
+{
+    stage *st = r->stage;
+    errmsg words;
+    if (!st->port || why == STAGE_GONE) return;
+    if (why == STAGE_INTERRUPTED) signals_acknowledge();
+    stage_code c = st->driver->halt(st, &words);
+    if (c != STAGE_OK && c != STAGE_INTERRUPTED && r->say)
+        r->say(words.text);
+    else if (!st->position_known && r->say)
+        r->say("stage: its position is lost");
+}
+
+stage_code capture_all(capture_run *r, errmsg *e)
+{
+    r->log_fd = r->camera_lock_fd = -1;
+    r->now.places = plan_places(r->s);
+    r->now.shots_most = r->now.places * r->s->exposures;
+    r->guess = (r->s->exposures - 1) / 2;
+    stage_code c = STAGE_FAILED;
+    if (reconcile(r->j, r->s, 0, 1, r->say, e) >= 0 && journal_run(r->j, e) == 0) {
+        r->now.shots = journal_shots(r->j);
+        c = open_files(r, e);
+        if (c == STAGE_OK) c = wait_for_camera(r, e);
+        if (c == STAGE_OK) c = all_places(r, e);
+    }
+    if (c != STAGE_OK) leave_stage_still(r, c);
+    errmsg why;
+    if (shots_commit(r, &why) != 0 && c == STAGE_OK) {
+        *e = why;
+        c = STAGE_FAILED;
+    }
+    stage_close(r->stage);
+    if (r->log_fd >= 0) close(r->log_fd);
+    if (r->camera_lock_fd >= 0) close(r->camera_lock_fd);
+    return c;
+}

@@ -1,0 +1,18 @@
+/*
+ * ini.h - sections, keys and values out of text (pure).
+ *
+ * "[section]", "key = value"; lines that begin with '#' or ';' are comments; a line that begins with a blank
+ * goes on with the value before, joined by one blank.  Nothing else is allowed.
+ */
+#ifndef INI_H
+#define INI_H
+
+#include "errmsg.h"
+
+/* One key.  Return 0, or -1 with words. */
+typedef int ini_fn(void *arg, const char *section, const char *key, const char *value, int line, errmsg *e);
+
+/* text is changed in place.  name stands in messages: "name:line: ...". */
+int ini_parse(char *text, const char *name, ini_fn *take, void *arg, errmsg *e);
+
+#endif
