@@ -53,8 +53,7 @@ have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
 ILF_PROGRAMS  := $(call have,ilfmat,ilfmat)
 TOOL_PROGRAMS := $(foreach t,$(TOOLS),$(call have,$(t),tools/$(t)))
 
-.PHONY: all radiance tools demo test figures report stability bench bench-hdrgen bench-fishremap \
-        bench-render fuzz install clean help env deps deps-radiance deps-tools deps-test man
+.PHONY: all radiance tools demo test bench install clean help env deps deps-radiance deps-tools deps-test man
 all: radiance tools man
 
 # ---- what a machine needs --------------------------------------------------------------------------
@@ -155,6 +154,10 @@ $(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON) $(LIBILF)
 TEST_ARGS ?=
 test: $(B0)/.debs-test all $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider tests $(TEST_ARGS)
+
+# speed and accuracy beside the peers', as ratios within one run
+bench: bench-hdrgen bench-fishremap bench-render
+#? bench         all benchmarks (bench-hdrgen, bench-fishremap, bench-render)
 
 # ---- the rest --------------------------------------------------------------------------------------
 env:

@@ -336,7 +336,7 @@ sampleilf(			/* add light field's excess */
 		n = isglossy(r) ? DIRSPEC : 0;
 	if (inglintray())
 		n &= DIRSPEC;
-	else if (r->rtype == AMBIENT && glintdone(ip, r))
+	else if (r->rtype & (AMBIENT|SPECULAR) && glintdone(ip, r))
 		n &= ~DIRSPEC;
 	if (!n)
 		return;
@@ -401,7 +401,7 @@ ilfdirect(			/* add direct part of light fields */
 		if (!ilf_sampler_patches(ilfsampler(ip)))
 			continue;	/* nothing bright */
 		sampleilf(ip, r, f, p);
-		if (ambounce > 0 && !(r->crtype & AMBIENT))
+		if (!inglintray())
 			ilfglints(ip, r, f, p);
 	}
 }

@@ -6,7 +6,7 @@ $(B)/test/hdrgenparts: $(B)/obj/tests/hdrgen/parts.o $(B)/obj/libhdrgen.a $(LIBC
 	$(Q)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_hdrgen) $(LIBS_IMAGE)
 test: $(B)/test/hdrgenparts
 
-#? make bench-hdrgen      exposure merging: error and CPU seconds beside OpenCV, and the real series
+#? bench-hdrgen  exposure merging: error and CPU seconds beside OpenCV, and the real series
 BENCH_HDRGEN := $(B0)/bench/hdrgen
 bench-hdrgen: $(B)/bin/hdrgen $(VENV)/.packages
 	@mkdir -p $(BENCH_HDRGEN)
