@@ -158,6 +158,28 @@ static void own_shift(double *dx, double *dy, const sphere_grid *g, const float 
     }
 }
 
+/* Straighten the grid by what its spheres' own rims say: the part of their shifts that grows along u or v.
+ * (Their mean is left to the common rim, which shadows don't sway.) */
+static void straighten(sphere_grid *g, sphere_seen c[4], const float *grey, int w, int h, double rotate)
+{
+    double slope[2][2] = {{0}}, norm[2] = {0}, ms = 0.5 * (g->n - 1), mt = 0.5 * (g->m - 1);
+    for (int k = 0; k < g->n * g->m; k++) {
+        double d[2], st[2] = {k % g->n - ms, k / g->n - mt};
+        own_shift(&d[0], &d[1], g, grey, w, h, k);
+        if (hypot(d[0], d[1]) > 1.5) continue;
+        for (int i = 0; i < 2; i++) {
+            norm[i] += st[i] * st[i];
+            for (int x = 0; x < 2; x++) slope[x][i] += d[x] * st[i];
+        }
+    }
+    for (int k = 0; k < 4; k++) {
+        double st[2] = {k == 1 || k == 2 ? ms : -ms, k >= 2 ? mt : -mt};
+        for (int i = 0; i < 2; i++)
+            if (norm[i] > 0) c[k].x += slope[0][i] / norm[i] * st[i], c[k].y += slope[1][i] / norm[i] * st[i];
+    }
+    through_corners(g, c, rotate);
+}
+
 int sphere_outer_radius(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e)
 {
     sphere_grid g = {.n = n, .m = m};
@@ -190,6 +212,7 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_
             through_corners(g, c, rotate);
         }
     }
+    for (int it = 0; it < 2; it++) straighten(g, c, grey, w, h, rotate);
     rays fine = {0.5, 0.15, 0, -1, -1};
     double here = rim_contrast(g, grey, w, h, 1, 0, 0, fine), there = 0;
     for (int k = 0; k < 8; k++) there += rim_contrast(g, grey, w, h, 1, 0.15 * mean * cos(k * M_PI / 4), 0.15 * mean * sin(k * M_PI / 4), fine) / 8;
