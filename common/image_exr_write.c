@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "exr_whole.h"
 #include "image_exr.h"
 
 enum { MAX_CHANNELS = 64 };
@@ -113,6 +114,7 @@ static int write_pixels(exr_context_t ctx, const img *im, const char *path, cons
                         errmsg *e)
 {
     exr_encode_pipeline_t pipe = EXR_ENCODE_PIPELINE_INITIALIZER;
+    exr_compress_fn *kept = NULL;
     int32_t lines = 1;
     int started = 0;
     size_t w = (size_t)im->info.width;
@@ -134,7 +136,10 @@ static int write_pixels(exr_context_t ctx, const img *im, const char *path, cons
             ch->user_line_stride = (int32_t)(s->stride * w * sizeof(float));
             ch->encode_from_ptr = (const uint8_t *)(s->pix + (size_t)y * w * s->stride);
         }
-        if (!started) rc = exr_encoding_choose_default_routines(ctx, 0, &pipe);
+        if (!started) {
+            rc = exr_encoding_choose_default_routines(ctx, 0, &pipe);
+            exr_keep_incompressible(&pipe, &kept);
+        }
         started = 1;
         if (rc == EXR_ERR_SUCCESS) rc = exr_encoding_run(ctx, 0, &pipe);
     }

@@ -3,6 +3,7 @@
  */
 #include <stdlib.h>
 
+#include "exr_whole.h"
 #include "ilf_internal.h"
 
 struct ilf_writer {
@@ -174,6 +175,7 @@ ilf_status ilf_writer_probe(ilf_writer *w, const float *rgb, ilf_error *err)
     const int i = (int)(w->next % w->spec.n_u), j = (int)(w->next / w->spec.n_u);
     const int bytes = w->half ? 2 : 4;
     exr_encode_pipeline_t e = EXR_ENCODE_PIPELINE_INITIALIZER;
+    exr_compress_fn *kept = NULL;
     exr_chunk_info_t chunk;
 
     if (j >= w->spec.n_v)
@@ -196,6 +198,7 @@ ilf_status ilf_writer_probe(ilf_writer *w, const float *rgb, ilf_error *err)
             ch->user_line_stride = 3 * bytes * w->spec.n_theta;
         }
         r = exr_encoding_choose_default_routines(w->exr, 0, &e);
+        exr_keep_incompressible(&e, &kept);
         if (r == EXR_ERR_SUCCESS) r = exr_encoding_run(w->exr, 0, &e);
         exr_encoding_destroy(w->exr, &e);
     }
