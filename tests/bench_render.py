@@ -4,8 +4,8 @@ Sections (all, or those named on the command line): judged cache box smooth plai
 Rows go to build/bench/render.csv (a section run again replaces its rows), the plot to build/bench/render.png.
 
 CPU seconds are user + system of the renderer's process.  RMSE is over lit pixels that show an object (no lamp or lamp's
-mirror image: below 20 times the median), in luminance, relative to their mean.  The reference is the mean of the literal
-method's and of -di's long runs where both agree (their difference is printed against what their noise explains).  The
+mirror image: below 20 times the median), in luminance, relative to their mean.  The reference is the mean of
+-di's long runs or of the literal method's, whichever has less noise; that both agree within their noise is printed.  The
 literal method's seconds for an error beyond its longest run come from RMSE^2 x rays = constant, fitted to its runs.
 """
 import csv
@@ -136,38 +136,32 @@ class Literal:
         return t[0] + rate * (noise / rmse ** 2 - n[0])
 
 
-def agreement(a, b, mask, noise_a, noise_b, size=8):
-    """Difference of two references by 8 x 8 blocks, against their noise (relative RMSE of each)."""
-    h, w = (k // size * size for k in a.shape)
-    m = mask[:h, :w].reshape(h // size, size, w // size, size).sum((1, 3))
-    mean = a[mask].mean()
+def agreement(lit, aim, mask, size=8):
+    """Two sets of pictures by 8 x 8 blocks against their own noise (pixels' variances, two or more pictures of each)."""
+    h, w = (k // size * size for k in mask.shape)
 
     def blocks(x):
         return np.where(mask, x, 0)[:h, :w].reshape(h // size, size, w // size, size).sum((1, 3))
-    full = m > size * size // 2
-    d = (blocks(a) - blocks(b))[full] / m[full] / mean
-    sigma = np.sqrt((noise_a ** 2 + noise_b ** 2) / m[full])
-    z = d / sigma
-    return dict(blocks=int(full.sum()), chi2=float((z ** 2).sum()), beyond_3=int((np.abs(z) > 3).sum()), ratio=float(b[mask].mean() / a[mask].mean()))
+    full = blocks(np.ones(mask.shape)) > size * size // 2
+    a, b = np.mean(lit, 0), np.mean(aim, 0)
+    var = blocks(np.var(lit, 0, ddof=1) / len(lit) + np.var(aim, 0, ddof=1) / len(aim))[full]
+    z = blocks(b - a)[full] / np.sqrt(var)
+    total = np.sqrt((np.var(lit, 0, ddof=1) / len(lit) + np.var(aim, 0, ddof=1) / len(aim))[mask].sum()) / a[mask].sum()
+    return (f"{full.sum()} blocks, chi-square {(z ** 2).sum():.0f}, beyond 3 sigma {(np.abs(z) > 3).sum()}, "
+            f"mean ratio {b[mask].mean() / a[mask].mean():.5f} +- {total:.5f}")
 
 
-def sweep(section, folder, octree, size, base, literal, aimed, long_literal, long_aimed, repeats=2):
+def sweep(section, folder, octree, size, base, literal, aimed, long_literal, long_aimed):
     """Literal and aimed runs against a reference by both; base: options of all runs."""
     mask = objects_mask(folder, octree, size)
-    lit = [rpict(folder, octree, size, [*base, *long_literal, "-di", "0"], "ref_lit") for _ in range(repeats)]
-    aim = [rpict(folder, octree, size, [*base, *long_aimed], "ref_aim") for _ in range(max(2, repeats))]
+    lit = [rpict(folder, octree, size, [*base, *long_literal, "-di", "0"], "ref_lit") for _ in range(2)]
+    aim = [rpict(folder, octree, size, [*base, *long_aimed], "ref_aim") for _ in range(4)]
     a, b = (np.mean([r["image"] for r in s], 0) for s in (lit, aim))
     mask &= (b > 0) & (b < 20 * np.median(b[mask]))
-    own = []
-    for s, m in ((lit, a), (aim, b)):
-        if len(s) > 1:
-            own.append(np.sqrt(np.mean([((r["image"] - m)[mask] ** 2).mean() for r in s]) * len(s) / (len(s) - 1) / len(s)) / m[mask].mean())
-        else:
-            own.append(np.sqrt((((a - b)[mask]) ** 2).mean()) / m[mask].mean())
+    own = [np.sqrt(np.var([r["image"] for r in x], 0, ddof=1)[mask].mean() / len(x)) / b[mask].mean() for x in (lit, aim)]
     print(f"{section}: references: literal {sum(r['cpu_s'] for r in lit):.0f} s (own error {own[0]:.4f}), aimed {sum(r['cpu_s'] for r in aim):.0f} s "
-          f"(own error {own[1]:.4f}); 8x8 blocks: {agreement(a, b, mask, *own)}", flush=True)
-    wa, wb = 1 / own[0] ** 2, 1 / own[1] ** 2
-    ref = (wa * a + wb * b) / (wa + wb)
+          f"(own error {own[1]:.4f}); {agreement([r['image'] for r in lit], [r['image'] for r in aim], mask)}", flush=True)
+    ref = a if own[0] < own[1] else b       # they agree; the surer one is taken
     fit = Literal()
     for options in literal:
         r = rpict(folder, octree, size, [*base, *options, "-di", "0"], "x")
@@ -196,7 +190,7 @@ def judged(box=False, room=rs.judged_room, section="judged", size=(96, 96)):
     sweep(section, folder, octree, size, ["-ab", "1", *EXACT], [["-ad", n] for n in ((64, 256, 1024) if smooth else (64, 256, 1024, most))],
           di_ad((16, 64), (16, 256), (16, 1024)) if smooth else
           di_ad((1, 16), (2, 16), (4, 16), (8, 16), (16, 16), (8, 64), (16, 64), (32, 64), (64, 64), (64, 256), (256, 256)),
-          ["-ad", 2048 if smooth else most], ["-di", 256, "-ad", 1024], repeats=1 if box or smooth else 2)
+          ["-ad", 2048 if smooth else most], ["-di", 256, "-ad", 1024])
 
 
 def cache():
@@ -207,7 +201,7 @@ def cache():
     quick = "-aa .15 -ar 64 -as 64 -ad".split()
     sweep("cache", folder, octree, (96, 96), ["-ab", "2", *EXACT], [["-ad", n] for n in (64, 256, 1024)],
           [[*quick, "128", "-di", n] for n in (4, 16, 64)] + [[*quick, "512", "-di", n] for n in (16, 64, 256)] + di_ad((16, 64), (64, 256)),
-          ["-ad", 2048], ["-di", 128, "-ad", 512], repeats=1)
+          ["-ad", 2048], ["-di", 128, "-ad", 512])
 
 
 # ---- other light -----------------------------------------------------------------------------------------------------
