@@ -18,12 +18,8 @@ TOP        := $(CURDIR)
 B0         := build
 B          := $(B0)$(if $(SAN),/san)
 CC         ?= gcc
-CXX        ?= g++
 ifeq ($(origin CC),default)
 CC         := gcc
-endif
-ifeq ($(origin CXX),default)
-CXX        := g++
 endif
 PYTHON     ?= python3
 PREFIX     ?= /usr/local
@@ -33,7 +29,6 @@ WARN       := -Wall -Wextra -Wshadow -Wconversion -Werror
 SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
 CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
 CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) -fopenmp -MMD -MP
-CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow -Werror $(SANFLAGS) -MMD -MP
 LDFLAGS    += $(SANFLAGS) -fopenmp -Wl,--as-needed
 LIBS_ILF   := -lOpenEXRCore -lOpenEXR -lpthread -lm
 LIBS_IMAGE := -lOpenEXRCore -lOpenEXR -lpng -ljpeg -ltiff -lraw_r -lz -lpthread -lm
@@ -44,7 +39,7 @@ PROGRAMS_hdrgen    := hdrgen
 PROGRAMS_fishremap := fishremap falloffcal
 PROGRAMS_stagectl  := stagectl virtualstage virtualcamera
 LIBS_hdrgen        := -lexif -llapacke -llapack
-LIBS_fishremap     := -lopencv_imgproc -lopencv_core -llapacke -llapack -lstdc++
+LIBS_fishremap     := -llapacke -llapack
 LIBS_stagectl      := -lutil
 TOOLS              := hdrgen fishremap stagectl
 
@@ -53,21 +48,24 @@ have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
 ILF_PROGRAMS  := $(call have,ilfmat,ilfmat)
 TOOL_PROGRAMS := $(foreach t,$(TOOLS),$(call have,$(t),tools/$(t)))
 
-.PHONY: all radiance tools demo test figures report stability bench bench-hdrgen bench-fishremap \
-        bench-render fuzz install clean help env deps deps-radiance deps-tools man
+.PHONY: all radiance tools demo test bench install clean help env deps deps-radiance deps-tools deps-test man
 all: radiance tools man
 
 # ---- what a machine needs --------------------------------------------------------------------------
 DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
-DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev \
-                 libopencv-core-dev libopencv-imgproc-dev
-deps: deps-radiance deps-tools
+DEBS_TOOLS    := libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev
+DEBS_TEST     := gphoto2
+deps: deps-radiance deps-tools deps-test
 deps-radiance: $(B0)/.debs-radiance
 deps-tools: $(B0)/.debs-tools
+deps-test: $(B0)/.debs-test
 $(B0)/.debs-radiance: setup/debs.sh
 	@sh setup/debs.sh $(DEBS_RADIANCE) && mkdir -p $(@D) && touch $@
 $(B0)/.debs-tools: setup/debs.sh | $(B0)/.debs-radiance
 	@sh setup/debs.sh $(DEBS_TOOLS) && mkdir -p $(@D) && touch $@
+
+$(B0)/.debs-test: setup/debs.sh | $(B0)/.debs-tools
+	@sh setup/debs.sh $(DEBS_TEST) && mkdir -p $(@D) && touch $@
 
 # Python lives in a virtual environment of the project's own.
 VENV := $(B0)/venv
@@ -90,10 +88,6 @@ $(B)/obj/%.o: %.c | $(B0)/.debs-tools
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
 	$(Q)$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
-$(B)/obj/%.o: %.cpp | $(B0)/.debs-tools
-	@mkdir -p $(@D)
-	@echo "  CXX $<"
-	$(Q)$(CXX) $(CPPFLAGS) -isystem /usr/include/opencv4 $(CXXFLAGS) -c -o $@ $<
 # libilf is all that rendering needs
 $(B)/obj/ilfmat/%.o: ilfmat/%.c | $(B0)/.debs-radiance
 	@mkdir -p $(@D)
@@ -117,7 +111,7 @@ $(ILF_PROGRAMS:%=$(B)/bin/%): $(B)/bin/%: $(B)/obj/ilfmat/%.o $(LIBCOMMON) $(LIB
 	$(Q)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
 
 define tool_rules
-$(1)_PARTS := $$(patsubst tools/%,$(B)/obj/tools/%.o,$$(basename $$(filter-out $$(PROGRAMS_$(1):%=tools/$(1)/%.c),$$(wildcard tools/$(1)/*.c tools/$(1)/*.cpp))))
+$(1)_PARTS := $$(patsubst tools/%,$(B)/obj/tools/%.o,$$(basename $$(filter-out $$(PROGRAMS_$(1):%=tools/$(1)/%.c),$$(wildcard tools/$(1)/*.c))))
 $(B)/obj/lib$(1).a: $$($(1)_PARTS)
 	@mkdir -p $$(@D) && rm -f $$@
 	@ar rcs $$@ $$^
@@ -148,8 +142,12 @@ $(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON) $(LIBILF)
 	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
 
 TEST_ARGS ?=
-test: all $(TEST_DRIVERS) $(VENV)/.packages
+test: $(B0)/.debs-test all $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider tests $(TEST_ARGS)
+
+# speed and accuracy beside the peers', as ratios within one run
+bench: bench-hdrgen bench-fishremap bench-render
+#? bench         all benchmarks (bench-hdrgen, bench-fishremap, bench-render)
 
 # ---- the rest --------------------------------------------------------------------------------------
 env:

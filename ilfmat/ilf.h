@@ -181,7 +181,7 @@ ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *sampler, const doub
 /* A lamp: bright patches that lie together as seen from somewhere. */
 typedef struct ilf_lamp {
     double position[3]; /* frame's coordinates; very far for light at infinity */
-    double radius;      /* of a ball that holds it */
+    double radius;      /* about that of a ball that holds it; patches half on a thing behind it don't count */
     double excess;      /* its largest luminance over the threshold */
 } ilf_lamp;
 
@@ -194,8 +194,9 @@ ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *sam
 typedef struct ilf_draw {
     double dir[3];   /* unit vector in the plane's own coordinates (u, v, n), n > 0 */
     double pdf;      /* density per steradian */
-    double distance; /* about how far away the light there is; HUGE_VAL: no light is expected there */
-    double bound;    /* largest excess luminance that the cube may see there */
+    double near, far; /* about how far away the light there is: the same but where one thing stands before another;
+                       * HUGE_VAL: no light is expected there */
+    double bound;    /* excess luminance that may be expected there at most */
 } ilf_draw;
 
 /* Draw a direction distributed as the slice's map: u in [0, 1) runs through the map along a

@@ -86,34 +86,24 @@ static place find_place(const ilf *f, vec d)
     return at;
 }
 
-/* Add w times the row's values, mixed between two columns. */
-static inline void add_row(double rgb[3], const ilf *f, const unsigned char *row, const place *at, double w, int is_half)
+/* Add w times probe p's radiance at a place: as rows to be read, or to sum. */
+static int add_probe(ilf_tap *tap, double sum[3], const ilf *f, const probe *p, const place *at, double w)
 {
-    const double w1 = w * at->a, w0 = w - w1;
+    const double top = w * at->top, rest = w - top;
 
-    for (int c = 0; c < 3; c++) {
-        const unsigned char *p = row + f->chan_offset[c];
-        rgb[c] += w0 * ilf_texel_of(p + at->x0, is_half) + w1 * ilf_texel_of(p + at->x1, is_half);
-    }
-}
-
-/* Add w times probe p's radiance at a place. */
-static inline void add_probe(double rgb[3], const ilf *f, const probe *p, const place *at, double w, int is_half)
-{
-    const unsigned char *row = p->pix + at->row;
-
-    add_row(rgb, f, row, at, w * at->top, is_half);
+    tap[0] = (ilf_tap){p->pix + at->row, at->x0, at->x1, top - top * at->a, top * at->a};
     switch (at->below) {
     case NEXT_ROW:
-        add_row(rgb, f, row + f->row_bytes, at, w * (1 - at->top), is_half);
-        break;
+        tap[1] = (ilf_tap){tap[0].row + f->row_bytes, at->x0, at->x1, rest - rest * at->a, rest * at->a};
+        return 2;
     case POLE_ABOVE:
     case POLE_BELOW:
-        for (int c = 0; c < 3; c++) rgb[c] += w * (1 - at->top) * (double)p->pole[at->below == POLE_BELOW][c];
+        for (int c = 0; c < 3; c++) sum[c] += rest * (double)p->pole[at->below == POLE_BELOW][c];
         break;
     case NOTHING:
         break;
     }
+    return 1;
 }
 
 /* The largest coordinate's size, so that directions of any length can be brought near 1. */
@@ -156,6 +146,8 @@ ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const doubl
     const double a = s - i0, b = t - j0;
     const int corrected = hit && mode == ILF_DEPTH;
     double sum[3] = {0, 0, 0};
+    ilf_tap tap[8];
+    int taps = 0;
     place at = {0};
 
     if (!corrected) at = find_place(f, d);
@@ -173,11 +165,9 @@ ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const doubl
             const double dist = largest(to);
             at = find_place(f, dist > 0 ? scaled(to, 1 / dist) : d);
         }
-        if (f->is_half)
-            add_probe(sum, f, &f->probes[m], &at, w, 1);
-        else
-            add_probe(sum, f, &f->probes[m], &at, w, 0);
+        taps += add_probe(tap + taps, sum, f, &f->probes[m], &at, w);
     }
+    f->sum(sum, f, tap, taps);
     for (int c = 0; c < 3; c++) rgb[c] = (float)sum[c];
     return ILF_OK;
 }

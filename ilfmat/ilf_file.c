@@ -189,6 +189,7 @@ static ilf_status read_channels(ilf *f, ilf_error *err)
     f->is_half = half == 3 || f->is_dwa; /* DWA keeps no more than a half's precision */
     f->info.type = half == 3 ? ILF_HALF : ILF_FLOAT;
     f->texel_bytes = f->is_half ? 2 : 4;
+    f->sum = ilf_choose_sum(f->is_half);
     for (int c = 0; c < 3; c++) f->chan_offset[c] = (size_t)found[c] * (size_t)f->info.n_theta * f->texel_bytes;
     f->row_bytes = 3 * (size_t)f->info.n_theta * f->texel_bytes;
     if ((int64_t)f->row_bytes > ILF_MAX_PROBE_BYTES / f->info.n_phi)

@@ -34,6 +34,16 @@ typedef struct probe {
     float pole[2][3]; /* means of the first and the last row: the values at the poles */
 } probe;
 
+/* A stretch of one row that a lookup reads: two texels and their weights, for each channel. */
+typedef struct ilf_tap {
+    const unsigned char *row;
+    size_t x0, x1; /* bytes from the row's (and channel's) start */
+    double w0, w1;
+} ilf_tap;
+
+/* Add the taps' weighted texels to rgb. */
+typedef void ilf_sum_fn(double rgb[3], const ilf *field, const ilf_tap *tap, int taps);
+
 struct ilf {
     ilf_info info;
     ilf_frame frame;
@@ -44,6 +54,7 @@ struct ilf {
     const unsigned char *map; /* whole file, read-only; NULL if it can't be mapped */
     int full_sphere;      /* polar_max is pi: the last row has a pole too */
     int is_half;          /* texels in memory */
+    ilf_sum_fn *sum;      /* for the texels' type and this processor */
     size_t texel_bytes, row_bytes, probe_bytes;
     size_t chan_offset[3];
     int is_dwa;           /* compressed with DWA, which has a decoder of its own */
@@ -69,6 +80,9 @@ extern const char *const ilf_compression_names[];
 
 /* Decode tile (i, j) of a DWA-compressed file to halves in our layout (ilf_dwa.c). */
 ilf_status ilf_decode_dwa(const ilf *field, int i, int j, uint16_t *pix, ilf_error *err);
+
+/* The fastest sum for texels of this type (ilf_taps.c). */
+ilf_sum_fn *ilf_choose_sum(int is_half);
 
 /* Make probe k ready (ilf_probe.c).  Cheap when it is. */
 ilf_status ilf_load_probe(const ilf *field, int64_t k, ilf_error *err);

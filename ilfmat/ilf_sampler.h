@@ -14,6 +14,9 @@ enum { SLICE_BITS = 7, SLICE_SIDE = 1 << SLICE_BITS, SLICE_CELLS = SLICE_SIDE * 
 /* Part of the draws that goes to all directions alike, in case a patch is not where it seems. */
 #define SLICE_UNIFORM 0.02
 
+/* Part of a cell's bound that its weight keeps even where nothing is seen from the cube's centre. */
+#define SLICE_BOUND 0.05f
+
 /* A probe's bright patch: some texels whose luminance exceeds the threshold, as a ball in the plane's
  * coordinates (u, v, n; origin at probe (0,0)) around the place where their light comes from. */
 typedef struct patch {
@@ -35,7 +38,7 @@ struct ilf_slice {
     int cells;       /* with light */
     uint16_t *cell;  /* ascending Morton numbers */
     float *cdf;      /* cells + 1 values from 0 to 1 */
-    float *distance; /* to the light in each cell */
+    float *near, *far; /* distances of the light in each cell */
 };
 
 struct ilf_sampler {
@@ -49,7 +52,7 @@ struct ilf_sampler {
     int64_t built;
     float (*cell_dir)[3];  /* centres of cells, by row and column */
     /* scratch of SLICE_CELLS */
-    float *weight, *probe_weight, *far;
+    float *weight, *probe_weight, *near, *far, *seen;
     int *owner;
     uint16_t *touched;
 };
@@ -60,5 +63,37 @@ ilf_status ilf_find_patches(ilf_sampler *s, ilf_error *err);
 /* One probe's texels for a single look: in place or decoded into *own (to be freed). */
 ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix, void **own, ilf_error *err);
 void ilf_unpeek_probe(const ilf *field, const unsigned char *pix, void *own);
+
+/* The largest bilinear weight that a patch's probe has anywhere in the cube (or ball) of half edge r around x, plane's
+ * coordinates; 0 where the patch is not seen. */
+float ilf_patch_weight(const ilf_sampler *s, const patch *p, const float x[3], float r);
+
+/* ---- numbering of cells: Morton, column's bits even, row's odd ---- */
+
+/* Every second bit, and back. */
+static inline uint32_t spread(uint32_t x)
+{
+    x = (x | x << 4) & 0x0f0fu;
+    x = (x | x << 2) & 0x3333u;
+    return (x | x << 1) & 0x5555u;
+}
+
+static inline uint32_t gather(uint32_t x)
+{
+    x &= 0x5555u;
+    x = (x | x >> 1) & 0x3333u;
+    x = (x | x >> 2) & 0x0f0fu;
+    return (x | x >> 4) & 0x00ffu;
+}
+
+static inline uint16_t cell_number(int a, int b)
+{
+    return (uint16_t)(spread((uint32_t)a) | spread((uint32_t)b) << 1);
+}
+
+static inline int clamp_cell(double x)
+{
+    return x < 0 ? 0 : x >= SLICE_SIDE ? SLICE_SIDE - 1 : (int)x;
+}
 
 #endif

@@ -21,34 +21,6 @@
 
 enum { TABLE_START = 1 << 10, MAX_CUBES = 1 << 18 };
 
-/* ---- numbering of cells --------------------------------------------------------------------- */
-
-/* Every second bit, and back. */
-static uint32_t spread(uint32_t x)
-{
-    x = (x | x << 4) & 0x0f0fu;
-    x = (x | x << 2) & 0x3333u;
-    return (x | x << 1) & 0x5555u;
-}
-
-static uint32_t gather(uint32_t x)
-{
-    x &= 0x5555u;
-    x = (x | x >> 1) & 0x3333u;
-    x = (x | x >> 2) & 0x0f0fu;
-    return (x | x >> 4) & 0x00ffu;
-}
-
-static uint16_t cell_number(int a, int b)
-{
-    return (uint16_t)(spread((uint32_t)a) | spread((uint32_t)b) << 1);
-}
-
-static int clamp_cell(double x)
-{
-    return x < 0 ? 0 : x >= SLICE_SIDE ? SLICE_SIDE - 1 : (int)x;
-}
-
 /* ---- sampler -------------------------------------------------------------------------------- */
 
 void ilf_sampler_close(ilf_sampler *s)
@@ -60,7 +32,9 @@ void ilf_sampler_close(ilf_sampler *s)
     free(s->cell_dir);
     free(s->weight);
     free(s->probe_weight);
+    free(s->near);
     free(s->far);
+    free(s->seen);
     free(s->owner);
     free(s->touched);
     free(s);
@@ -73,10 +47,12 @@ static int make_scratch(ilf_sampler *s)
     s->cell_dir = malloc(SLICE_CELLS * sizeof *s->cell_dir);
     s->weight = calloc(SLICE_CELLS, sizeof *s->weight);
     s->probe_weight = calloc(SLICE_CELLS, sizeof *s->probe_weight);
+    s->near = calloc(SLICE_CELLS, sizeof *s->near);
     s->far = calloc(SLICE_CELLS, sizeof *s->far);
+    s->seen = calloc(SLICE_CELLS, sizeof *s->seen);
     s->owner = calloc(SLICE_CELLS, sizeof *s->owner);
     s->touched = malloc(SLICE_CELLS * sizeof *s->touched);
-    if (!s->table || !s->cell_dir || !s->weight || !s->probe_weight || !s->far || !s->owner || !s->touched) return -1;
+    if (!s->table || !s->cell_dir || !s->weight || !s->probe_weight || !s->near || !s->far || !s->seen || !s->owner || !s->touched) return -1;
     for (int b = 0; b < SLICE_SIDE; b++)
         for (int a = 0; a < SLICE_SIDE; a++) {
             double d[3];
@@ -102,8 +78,10 @@ ilf_status ilf_sampler_open(ilf_sampler **sampler, const ilf *field, const ilf_f
     s->threshold = spec->threshold;
     s->cube = spec->cube;
     if (s->cube <= 0) {
-        /* the probes' pitch: below it the field does not change; a single probe has none */
-        const double pu = frame->len_u / (in->n_u > 1 ? in->n_u - 1 : 16), pv = frame->len_v / (in->n_v > 1 ? in->n_v - 1 : 16);
+        /* the probes' pitch, below which the field does not change; but small enough that a lamp moves by no more than about
+         * a cell of the map from the cube's one side to the other */
+        const int most = 24, n_u = in->n_u - 1 > most ? in->n_u - 1 : most, n_v = in->n_v - 1 > most ? in->n_v - 1 : most;
+        const double pu = frame->len_u / n_u, pv = frame->len_v / n_v;
         s->cube = sqrt(pu) * sqrt(pv);
     }
     const ilf_status st = ilf_find_patches(s, err);
@@ -144,8 +122,8 @@ static float tent(float lo, float hi, int k, int n)
     return off < 1 ? 1 - off : 0;
 }
 
-/* Weight that patch p has in the cube of half edge r around x, and its cone from there; 0 if none. */
-static float patch_weight(const ilf_sampler *s, const patch *p, const float x[3], float r)
+/* See ilf_sampler.h; the drawing above. */
+float ilf_patch_weight(const ilf_sampler *s, const patch *p, const float x[3], float r)
 {
     const ilf_info *in = &s->field->info;
     const float up = p->n - x[2], slack = r + p->radius;
@@ -190,7 +168,12 @@ static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, floa
             const float *c = s->cell_dir[k];
 
             if (c[0] * du + c[1] * dv + c[2] * dn < near) continue;
-            if (s->owner[k] == 0) s->touched[touched++] = (uint16_t)k;
+            if (s->owner[k] == 0) {
+                s->touched[touched++] = (uint16_t)k;
+                s->near[k] = s->far[k] = (float)dist;
+            }
+            s->near[k] = fminf(s->near[k], (float)dist);
+            s->far[k] = fmaxf(s->far[k], (float)dist);
             if (s->owner[k] != owner) {
                 s->owner[k] = owner;
                 s->probe_weight[k] = 0;
@@ -198,7 +181,6 @@ static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, floa
             if (value > s->probe_weight[k]) {
                 s->weight[k] += value - s->probe_weight[k];
                 s->probe_weight[k] = value;
-                s->far[k] = (float)dist;
             }
         }
     return touched;
@@ -209,25 +191,73 @@ static int by_number(const void *a, const void *b)
     return (int)*(const uint16_t *)a - (int)*(const uint16_t *)b;
 }
 
+/* The bounds say where light may be; a look from the cube's centre at the middle of each touched cell says where it is.
+ * Neighbouring cells share what is seen (lamps move by about a cell over the cube, and are about as large). */
+static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf_error *err)
+{
+    const ilf_frame *fr = &s->frame;
+    double x[3];
+
+    for (int c = 0; c < 3; c++)
+        x[c] = fr->origin[c] + s->cube * (((double)key[0] + 0.5) * fr->u[c] + ((double)key[1] + 0.5) * fr->v[c] +
+                                          ((double)key[2] + 0.5) * fr->n[c]);
+    for (int t = 0; t < touched; t++) {
+        const int k = s->touched[t];
+        const int ends = s->spec.mode == ILF_DEPTH && s->near[k] < 0.98f * s->far[k] ? 2 : 1;
+
+        for (int end = 0; end < ends; end++) {
+            const double far = (double)(end ? s->near[k] : s->far[k]);
+            double d[3], hit[3];
+            float rgb[3];
+
+            for (int c = 0; c < 3; c++) {
+                d[c] = (double)s->cell_dir[k][0] * fr->u[c] + (double)s->cell_dir[k][1] * fr->v[c] +
+                       (double)s->cell_dir[k][2] * fr->n[c];
+                hit[c] = x[c] + far * d[c];
+            }
+            const ilf_status st = ilf_eval(rgb, s->field, fr, x, d, s->spec.mode == ILF_DEPTH ? hit : x, s->spec.mode, err);
+            if (st != ILF_OK) return st;
+            s->seen[k] = fmaxf(s->seen[k], (float)(ilf_luminance(rgb) * ilf_excess_part(rgb, s->threshold)));
+        }
+    }
+    for (int t = 0; t < touched; t++) {
+        const int col = s->touched[t] % SLICE_SIDE, row = s->touched[t] / SLICE_SIDE;
+        float most = 0;
+
+        for (int b = row > 0 ? row - 1 : 0; b <= row + 1 && b < SLICE_SIDE; b++)
+            for (int a = col > 0 ? col - 1 : 0; a <= col + 1 && a < SLICE_SIDE; a++)
+                most = fmaxf(most, s->seen[b * SLICE_SIDE + a]);
+        s->probe_weight[s->touched[t]] = most;
+    }
+    for (int t = 0; t < touched; t++) {
+        const int k = s->touched[t];
+        s->weight[k] = SLICE_BOUND * s->weight[k] + s->probe_weight[k];
+        s->seen[k] = 0;
+    }
+    return ILF_OK;
+}
+
 /* Turn the touched cells into a slice, and clear the scratch. */
 static ilf_slice *collect(ilf_sampler *s, int touched)
 {
     const size_t n = (size_t)touched;
-    ilf_slice *sl = malloc(sizeof *sl + (2 * n + 1) * sizeof(float) + n * sizeof(uint16_t));
+    ilf_slice *sl = malloc(sizeof *sl + (3 * n + 1) * sizeof(float) + n * sizeof(uint16_t));
     double total = 0;
 
     if (!sl) return NULL;
     memset(sl, 0, sizeof *sl);
     sl->cells = touched;
     sl->cdf = (float *)(sl + 1);
-    sl->distance = sl->cdf + n + 1;
-    sl->cell = (uint16_t *)(sl->distance + n);
+    sl->near = sl->cdf + n + 1;
+    sl->far = sl->near + n;
+    sl->cell = (uint16_t *)(sl->far + n);
     for (size_t k = 0; k < n; k++) sl->cell[k] = cell_number(s->touched[k] % SLICE_SIDE, s->touched[k] / SLICE_SIDE);
     qsort(sl->cell, n, sizeof *sl->cell, by_number);
     for (size_t k = 0; k < n; k++) {
         const int at = (int)(gather(sl->cell[k]) + gather((uint32_t)sl->cell[k] >> 1) * SLICE_SIDE);
         sl->cdf[k] = (float)total;
-        sl->distance[k] = s->far[at];
+        sl->near[k] = s->near[at];
+        sl->far[k] = s->far[at];
         total += (double)s->weight[at];
         s->weight[at] = 0;
         s->owner[at] = 0;
@@ -238,7 +268,7 @@ static ilf_slice *collect(ilf_sampler *s, int touched)
     return sl;
 }
 
-static ilf_slice *build(ilf_sampler *s, const int64_t key[3])
+static ilf_status build(ilf_slice **slice, ilf_sampler *s, const int64_t key[3], ilf_error *err)
 {
     const double e = s->cube;
     const float x[3] = {(float)(((double)key[0] + 0.5) * e), (float)(((double)key[1] + 0.5) * e), (float)(((double)key[2] + 0.5) * e)};
@@ -246,13 +276,20 @@ static ilf_slice *build(ilf_sampler *s, const int64_t key[3])
     int touched = 0;
 
     for (size_t k = 0; k < s->patches.n; k++) {
-        const float w = patch_weight(s, &s->patches.p[k], x, r);
+        const float w = ilf_patch_weight(s, &s->patches.p[k], x, r);
         if (w > 0) touched = splat(s, &s->patches.p[k], x, r, w, touched);
     }
-    ilf_slice *sl = collect(s, touched);
-    if (sl) memcpy(sl->key, key, sizeof sl->key);
+    const ilf_status st = sharpen(s, touched, key, err);
+    ilf_slice *sl = collect(s, touched); /* also clears the scratch */
+    if (st != ILF_OK) {
+        free(sl);
+        return st;
+    }
+    if (!sl) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
+    memcpy(sl->key, key, sizeof sl->key);
     s->built++;
-    return sl;
+    *slice = sl;
+    return ILF_OK;
 }
 
 /* ---- finding a slice ------------------------------------------------------------------------ */
@@ -315,180 +352,10 @@ ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *s, const double poi
     if (!s->table[k]) {
         if (make_room(s) != 0) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
         k = find(s->table, s->table_size, key);
-        if (!(s->table[k] = build(s, key))) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
+        const ilf_status st = build(&s->table[k], s, key, err);
+        if (st != ILF_OK) return st;
         s->used++;
     }
     if (s->table[k]->cells) *slice = s->table[k];
     return ILF_OK;
-}
-
-/* ---- lamps ---------------------------------------------------------------------------------- */
-
-/* A lamp being gathered: patches within a few degrees of its first one, as seen from x. */
-typedef struct cluster {
-    float dir[3];       /* towards the first patch */
-    double sum[3], n;   /* mean position */
-    double radius, excess;
-} cluster;
-
-enum { MAX_CLUSTERS = 64 };
-#define CLUSTER_COS 0.9962f /* 5 degrees */
-
-static int by_excess(const void *a, const void *b)
-{
-    const double x = ((const cluster *)a)->excess, y = ((const cluster *)b)->excess;
-
-    return (x < y) - (x > y);
-}
-
-/* Gather the patches that the ball sees into c; two rounds, so that radii are about the means. */
-static int gather_lamps(cluster *c, const ilf_sampler *s, const float x[3], float r)
-{
-    int n = 0;
-
-    for (int round = 0; round < 2; round++)
-        for (size_t k = 0; k < s->patches.n; k++) {
-            const patch *p = &s->patches.p[k];
-            const float d[3] = {p->u - x[0], p->v - x[1], p->n - x[2]};
-            const float len = sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-            int m = 0;
-
-            if (patch_weight(s, p, x, r) <= 0 || len <= 0) continue;
-            while (m < n && (d[0] * c[m].dir[0] + d[1] * c[m].dir[1] + d[2] * c[m].dir[2]) < CLUSTER_COS * len) m++;
-            if (round == 0) {
-                if (m == MAX_CLUSTERS) continue;
-                if (m == n) {
-                    memset(&c[n], 0, sizeof c[n]);
-                    for (int a = 0; a < 3; a++) c[n].dir[a] = d[a] / len;
-                    n++;
-                }
-                c[m].sum[0] += (double)p->u, c[m].sum[1] += (double)p->v, c[m].sum[2] += (double)p->n;
-                c[m].n++;
-                c[m].excess = fmax(c[m].excess, (double)p->excess);
-            } else if (m < n) {
-                const double a = (double)p->u - c[m].sum[0] / c[m].n, b = (double)p->v - c[m].sum[1] / c[m].n,
-                             e = (double)p->n - c[m].sum[2] / c[m].n;
-                c[m].radius = fmax(c[m].radius, sqrt(a * a + b * b + e * e) + (double)p->radius);
-            }
-        }
-    return n;
-}
-
-ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *s, const double centre[3], double radius,
-                             ilf_error *err)
-{
-    const ilf_frame *fr = &s->frame;
-    cluster *c = malloc(MAX_CLUSTERS * sizeof *c);
-    float x[3];
-
-    if (!c) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for its lamps", s->field->path);
-    for (int a = 0; a < 3; a++) {
-        const double *axis = a == 0 ? fr->u : a == 1 ? fr->v : fr->n;
-        x[a] = (float)((centre[0] - fr->origin[0]) * axis[0] + (centre[1] - fr->origin[1]) * axis[1] +
-                       (centre[2] - fr->origin[2]) * axis[2]);
-    }
-    const int found = gather_lamps(c, s, x, (float)radius);
-    qsort(c, (size_t)found, sizeof *c, by_excess);
-    *n = found < most ? found : most;
-    for (int k = 0; k < *n; k++) {
-        for (int a = 0; a < 3; a++)
-            lamps[k].position[a] = fr->origin[a] + (c[k].sum[0] * fr->u[a] + c[k].sum[1] * fr->v[a] + c[k].sum[2] * fr->n[a]) / c[k].n;
-        lamps[k].radius = c[k].radius;
-        lamps[k].excess = c[k].excess;
-    }
-    free(c);
-    return ILF_OK;
-}
-
-/* ---- drawing -------------------------------------------------------------------------------- */
-
-static void from_cell(double d[3], int number, double v, double w)
-{
-    const double a = (double)gather((uint32_t)number) + v, b = (double)gather((uint32_t)number >> 1) + w;
-
-    ilf_square_to_hemi(d, a * 2 / SLICE_SIDE - 1, b * 2 / SLICE_SIDE - 1);
-}
-
-static int cell_of(const double d[3])
-{
-    double a, b;
-
-    ilf_hemi_to_square(&a, &b, d);
-    return cell_number(clamp_cell((a + 1) * (SLICE_SIDE / 2)), clamp_cell((b + 1) * (SLICE_SIDE / 2)));
-}
-
-/* Last k with cdf[k] <= u. */
-static int search_cdf(const ilf_slice *sl, double u)
-{
-    int lo = 0, hi = sl->cells;
-
-    while (hi - lo > 1) {
-        const int mid = (lo + hi) / 2;
-        if ((double)sl->cdf[mid] <= u)
-            lo = mid;
-        else
-            hi = mid;
-    }
-    return lo;
-}
-
-/* Index of a cell in the slice, or -1. */
-static int search_cell(const ilf_slice *sl, int number)
-{
-    int lo = 0, hi = sl->cells;
-
-    while (lo < hi) {
-        const int mid = (lo + hi) / 2;
-        if (sl->cell[mid] < number)
-            lo = mid + 1;
-        else
-            hi = mid;
-    }
-    return lo < sl->cells && sl->cell[lo] == number ? lo : -1;
-}
-
-static double density(const ilf_slice *sl, int k)
-{
-    const double map = k < 0 ? 0 : ((double)sl->cdf[k + 1] - (double)sl->cdf[k]) / SLICE_OMEGA;
-
-    return SLICE_UNIFORM / (2 * ILF_PI) + (1 - SLICE_UNIFORM) * map;
-}
-
-void ilf_sample(ilf_draw *draw, const ilf_slice *sl, double u, double v, double w)
-{
-    int cell, k;
-
-    if (u < SLICE_UNIFORM) {
-        cell = (int)(u / SLICE_UNIFORM * SLICE_CELLS);
-        if (cell >= SLICE_CELLS) cell = SLICE_CELLS - 1;
-        k = search_cell(sl, cell);
-    } else {
-        k = search_cdf(sl, (u - SLICE_UNIFORM) / (1 - SLICE_UNIFORM));
-        cell = sl->cell[k];
-    }
-    from_cell(draw->dir, cell, v, w);
-    draw->pdf = density(sl, k);
-    draw->distance = k < 0 ? HUGE_VAL : (double)sl->distance[k];
-    draw->bound = k < 0 ? 0 : ((double)sl->cdf[k + 1] - (double)sl->cdf[k]) * (double)sl->total;
-}
-
-double ilf_pdf(const ilf_slice *sl, const double dir[3])
-{
-    const double len = sqrt(dir[0] * dir[0] + dir[1] * dir[1] + dir[2] * dir[2]);
-
-    if (!(len > 0) || dir[2] <= 0) return 0;
-    const double d[3] = {dir[0] / len, dir[1] / len, dir[2] / len};
-    return density(sl, search_cell(sl, cell_of(d)));
-}
-
-void ilf_slice_record(ilf_slice *sl, double visible, double tests)
-{
-    sl->visible += (float)visible;
-    sl->tests += (float)tests;
-}
-
-void ilf_slice_history(const ilf_slice *sl, double *visible, double *tests)
-{
-    *visible = (double)sl->visible;
-    *tests = (double)sl->tests;
 }

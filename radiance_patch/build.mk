@@ -57,8 +57,17 @@ $(B0)/radiance/sdist.tar.gz: | $(VENV)/.made
 	@mkdir -p $(@D)
 	@sh radiance_patch/fetch.sh $(PY) $(RAD_SDIST) $(RAD_SHA256) $@
 
+# a change of RADIANCE_SRC is a change of the source
+RAD_ORIGIN := $(B0)/radiance/origin
+ifneq ($(shell cat $(RAD_ORIGIN) 2>/dev/null),$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(RAD_SDIST)))
+.PHONY: $(RAD_ORIGIN)
+endif
+$(RAD_ORIGIN):
+	@mkdir -p $(@D)
+	@echo '$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(RAD_SDIST))' > $@
+
 RAD_SERIES := $(shell sed 's,^,radiance_patch/,' radiance_patch/series 2>/dev/null)
-$(RAD)/.patched: radiance_patch/series $(RAD_SERIES) radiance_patch/unpack.sh $(if $(RADIANCE_SRC),,$(B0)/radiance/sdist.tar.gz) | $(B0)/.debs-radiance
+$(RAD)/.patched: radiance_patch/series $(RAD_SERIES) radiance_patch/unpack.sh $(RAD_ORIGIN) $(if $(RADIANCE_SRC),,$(B0)/radiance/sdist.tar.gz) | $(B0)/.debs-radiance
 	@sh radiance_patch/unpack.sh "$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(B0)/radiance/sdist.tar.gz)" $(RAD)
 	@touch $@
 

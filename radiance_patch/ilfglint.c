@@ -29,11 +29,12 @@
  *	   -----( C )------ X	(the left side rises with b, from 0
  *				to 90 degrees where X sees the rim)
  *
- *	A cone around each glint is sampled on its own, and ambient rays
- *  that leave the point inside a cone and find the lamp in that ball drop
- *  its excess.  This divides directions between the two, so that their sum
- *  has the right mean wherever we put the cones.  Only points that are
- *  not themselves seen by ambient rays get cones.
+ *	A cone around each glint is sampled on its own, and ambient and
+ *  scattered rays that leave the point inside a cone and find the lamp in
+ *  that ball drop its excess.  This divides directions between the two, so
+ *  that their sum has the right mean wherever we put the cones.  A point's
+ *  matt component gets cones if the point is not itself seen by an
+ *  ambient ray, its glossy component always.
  */
 
 #define  MAXBALL	64		/* with more we don't begin */
@@ -269,6 +270,16 @@ inglint(			/* first glint cone that holds direction */
 }
 
 
+static int
+glintparts(			/* which components does a point give cones? */
+	const RAY  *r
+)
+{
+	return((ambounce > 0 && !(r->crtype & AMBIENT) ? DIRDIFF : 0) |
+			(isglossy(r) ? DIRSPEC : 0));
+}
+
+
 int
 glintdone(			/* does a glint cone count this ray? */
 	ILFMAT  *ip,
@@ -278,8 +289,10 @@ glintdone(			/* does a glint cone count this ray? */
 	static GLINT  gl[MAXGLINT];
 	int  i, n;
 
-	if (ar->rtype != AMBIENT || ar->parent->crtype & AMBIENT ||
-			ar->ro == NULL || ar->ro->otype != OBJ_SPHERE)
+	if (ar->ro == NULL || ar->ro->otype != OBJ_SPHERE || ar->parent == NULL)
+		return(0);
+	if (!(glintparts(ar->parent) & (ar->rtype == AMBIENT ? DIRDIFF :
+			ar->rtype == SPECULAR ? DIRSPEC : 0)))
 		return(0);
 	n = setglints(gl, ip, ar->rorg);
 	i = inglint(gl, n, ar->rdir);
@@ -332,8 +345,10 @@ ilfglints(			/* add light field's glints on balls */
 	double  omega, z, s, phi;
 	COLOR  coef;
 	RAY  gr;
-	int  ng, i, j, k, n;
+	int  ng, i, j, k, n, parts;
 
+	if (!(parts = glintparts(r)))
+		return;
 	ng = setglints(gl, ip, r->rop);
 	for (i = 0; i < ng; i++) {
 		n = ilfsamp*r->rweight*(gl[i].rough ? .5 : .25) + .999;
@@ -354,7 +369,7 @@ ilfglints(			/* add light field's glints on balls */
 			normalize(dir);
 			if (inglint(gl, i, dir) >= 0)
 				continue;	/* an earlier cone's */
-			dirparts = DIRDIFF;	/* as ambient rays stand for */
+			dirparts = parts;	/* as blind rays stand for */
 			(*f)(coef, p, dir, ILFOMEGA);
 			dirparts = DIRDIFF|DIRSPEC;
 			if (intens(coef) <= 0.0)

@@ -225,6 +225,33 @@ ilfpart(			/* which part does a ray see? */
 }
 
 
+static double
+excessat(			/* look up excess, nothing being traced */
+	ILFMAT  *ip,
+	FVECT  org,
+	FVECT  dir,
+	double  dist		/* about how far away the light is */
+)
+{
+	ilf_error  err;
+	ilf_mode  mode = ILF_NO_DEPTH;
+	FVECT  hit;
+	float  rgb[3];
+
+	if (ip->mode == ILF_DEPTH && dist < FHUGE) {
+		VSUM(hit, org, dir, dist);
+		mode = ILF_DEPTH;
+	} else {
+		VCOPY(hit, org);
+	}
+	if (ilf_eval(rgb, ip->file->field, &ip->frame, NULL, dir, hit,
+			mode, &err) != ILF_OK)
+		ilferror(ip->m, &err);
+	return(ilf_luminance(rgb) * ilf_excess_part(rgb,
+			ilf_sampler_threshold(ip->smp)));
+}
+
+
 static int
 drawcands(			/* draw and weigh candidates */
 	int  nc,
@@ -237,12 +264,9 @@ drawcands(			/* draw and weigh candidates */
 )
 {
 	ilf_draw  dr;
-	ilf_error  err;
 	ILFCND  *cp;
-	FVECT  hit;
-	float  rgb[3];
-	double  x0, x1, x2, d;
-	int  i, j, n;
+	double  x0, x1, x2, d, x;
+	int  i, j;
 	
 	if (nc > maxcand) {
 		cand = (ILFCND *)realloc((void *)cand, nc*sizeof(ILFCND));
@@ -272,19 +296,16 @@ drawcands(			/* draw and weigh candidates */
 		scalecolor(cp->coef, 1./ILFOMEGA);
 		d *= 1./ILFOMEGA;
 					/* estimate what's there */
-		if ((n = ip->mode == ILF_DEPTH && dr.distance < FHUGE)) {
-			VSUM(hit, r->rop, cp->dir, dr.distance);
-		} else {
-			VCOPY(hit, r->rop);
-		}
-		if (ilf_eval(rgb, ip->file->field, &ip->frame, NULL, cp->dir,
-				hit, n ? ILF_DEPTH : ILF_NO_DEPTH, &err) != ILF_OK)
-			ilferror(ip->m, &err);
-		cp->targ = d * (ilf_luminance(rgb) * ilf_excess_part(rgb,
-				ilf_sampler_threshold(ip->smp)));
-		if (ip->mode == ILF_DEPTH)
+		cp->targ = d * excessat(ip, r->rop, cp->dir, dr.far);
+		if (ip->mode == ILF_DEPTH) {
+			if (dr.near < .98*dr.far) {
+				x = d * excessat(ip, r->rop, cp->dir, dr.near);
+				if (x > cp->targ)
+					cp->targ = x;
+			}
 			cp->targ += ILFDOUBT * d * (dr.bound +
 					ilf_sampler_threshold(ip->smp));
+		}
 		if (cp->targ <= 0.0)
 			continue;
 		*wsum += cp->wt = cp->targ / dr.pdf;
@@ -315,7 +336,7 @@ sampleilf(			/* add light field's excess */
 		n = isglossy(r) ? DIRSPEC : 0;
 	if (inglintray())
 		n &= DIRSPEC;
-	else if (r->rtype == AMBIENT && glintdone(ip, r))
+	else if (r->rtype & (AMBIENT|SPECULAR) && glintdone(ip, r))
 		n &= ~DIRSPEC;
 	if (!n)
 		return;
@@ -380,7 +401,7 @@ ilfdirect(			/* add direct part of light fields */
 		if (!ilf_sampler_patches(ilfsampler(ip)))
 			continue;	/* nothing bright */
 		sampleilf(ip, r, f, p);
-		if (ambounce > 0 && !(r->crtype & AMBIENT))
+		if (!inglintray())
 			ilfglints(ip, r, f, p);
 	}
 }

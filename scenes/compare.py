@@ -18,7 +18,7 @@ covered); pixels with less than 0.999 of red + green are left out of every measu
 in the error maps.  Beside PICTURE.hdr a PICTURE.json from timed.py gives the CPU time and the command.
 
 usage: compare.py --reference LABEL=FILE --picture LABEL=FILE ... --mask FILE --csv OUT.csv -o OUT.png
-       compare.py --show LABEL=FILE ... -o OUT.png            (pictures side by side, no numbers)
+       compare.py --show LABEL=FILE[@FACTOR] ... -o OUT.png   (pictures side by side, no numbers)
 """
 import argparse
 import csv
@@ -255,7 +255,8 @@ def compare(a):
 def show(a):
     columns = []
     for label, path in a.show:
-        image = as_shown(path, a.exposure)
+        path, _, factor = path.partition("@")
+        image = as_shown(path, float(factor or 1))
         head, _, rest = label.partition("|")
         columns.append((head, image, [s for s in rest.split("|") if s]))
     panels(columns, [], a.title, a.output)
@@ -268,8 +269,8 @@ def main():
     ap.add_argument("--mask", metavar="FILE", help="red = table, green = objects; the rest is not judged")
     ap.add_argument("--csv", metavar="FILE", help="where the numbers go")
     ap.add_argument("--extra", type=labelled, metavar="LABEL=FILE", help="a further picture, below the reference")
-    ap.add_argument("--show", type=labelled, action="append", default=[], metavar="LABEL=FILE", help="only show; LABEL may go on with |lines")
-    ap.add_argument("--exposure", type=float, default=1.0, help="factor on the brightness chosen for --show")
+    ap.add_argument("--show", type=labelled, action="append", default=[], metavar="LABEL=FILE[@FACTOR]",
+                    help="only show, FACTOR times as bright as it would be; LABEL may go on with |lines")
     ap.add_argument("--title", default="", help="heading of the figure")
     ap.add_argument("--quiet", action="store_true", help="print nothing")
     ap.add_argument("-o", "--output", required=True, metavar="PNG")
@@ -281,7 +282,7 @@ def main():
             show(a)
         else:
             compare(a)
-    except (pictures.PictureError, OSError) as err:
+    except (pictures.PictureError, OSError, ValueError) as err:
         print(f"compare.py: {err}", file=sys.stderr)
         return 1
     return 0

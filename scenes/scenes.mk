@@ -12,15 +12,13 @@ DEMO     := $(B0)/demo
 OFFICE   ?= ../shared/data/fisheye_bracket_office_canon5d2_8mm
 OFFICE_IMAGES := $(sort $(wildcard $(OFFICE)/*.jpg $(OFFICE)/*.JPG $(OFFICE)/*.jpeg))
 SCENES   := scenes/demo
-# importance samples of the light field per point (0 = the paper's literal method), and ambient
-# divisions of the pictures
-DI       ?= 0
-DEMO_AD  ?= $(if $(filter 0,$(DI)),512,64)
+# importance samples of the light field per point; 0 = the paper's literal method, 512 blind rays a point
+DI       ?= 64
+DEMO_AD  ?= $(if $(filter 0,$(DI)),512,256)
 DEMO_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 # a picture is rendered at twice its size and halved
 DEMO_RES := -x 640 -y 480
-# daylight through windows needs fewer rays than two lamps
-OFFICE_AD ?= $(if $(filter 0,$(DI)),256,64)
+OFFICE_AD ?= $(if $(filter 0,$(DI)),256,1024)
 HALVE     = pfilt -1 -x /2 -y /2
 
 .PHONY: demo demo-run demo-clean
@@ -57,7 +55,8 @@ DEMO_LAMPS  := $(SCENES)/lamp_yellow.rad $(SCENES)/lamp_blue.rad $(SCENES)/spot.
 DEMO_STILL  := $(SCENES)/table.rad $(SCENES)/objects.rad
 DEMO_VIEW   := $(SCENES)/view.vf
 DEMO_RUN     = $(ILF_ENV):$(demo_PATH)
-LITERAL     := -ab 2 -aa 0 -as 0 -lw 1e-7 -di $(DI)
+# the literal method sees the lamps with its ambient rays, so no cache and no supersampling: both would be biased
+PICT_ILF    := -ab 2 -di $(DI) $(if $(filter 0,$(DI)),-aa 0 -as 0 -lw 1e-7,-aa .12 -as 64 -ar 64)
 
 $(DEMO)/statue.obj: scenes/models/statue.py | $(VENV)/.packages
 	@mkdir -p $(@D)
@@ -78,6 +77,8 @@ $(DEMO)/with_%.oct: $(DEMO)/%.ilf.exr $(DEMO_ROOM) $(DEMO_LAMPS) $(DEMO_STILL) $
 	   $(DEMO_RUN) xform -m room_light $(SCENES)/room.rad $(SCENES)/lamps.rad; cat $(DEMO_STILL); } > $(DEMO)/with_$*.rad
 	@cat $(SCENES)/room_materials.rad | $(DEMO_RUN) oconv -f - $(DEMO)/with_$*.rad > $@.part
 	@mv $@.part $@
+# the longer of the two renderings starts first
+$(DEMO)/with_single.oct: | $(DEMO)/room.ilf.exr
 $(DEMO)/mask.oct: $(SCENES)/mask_materials.rad $(DEMO_STILL) $(DEMO)/statue.rtm | $(call bins,oconv xform)
 	@{ cat $(SCENES)/mask_materials.rad; $(DEMO_RUN) xform -m mask_table $(SCENES)/table.rad; \
 	   $(DEMO_RUN) xform -m mask_objects $(SCENES)/objects.rad; } | $(DEMO_RUN) oconv -f - > $@.part
@@ -85,10 +86,10 @@ $(DEMO)/mask.oct: $(SCENES)/mask_materials.rad $(DEMO_STILL) $(DEMO)/statue.rtm 
 
 # one ray in the middle of each pixel, twice the picture's size, so that all pictures see the same edges
 DEMO_PICT := -vf $(DEMO_VIEW) $(DEMO_RES) -ps 1 -pj 0 -w
-$(eval $(call settings,$(DEMO)/render.settings,$(DEMO_PICT) $(LITERAL) -ad $(DEMO_AD); office -ad $(OFFICE_AD)))
+$(eval $(call settings,$(DEMO)/render.settings,$(DEMO_PICT) $(PICT_ILF) -ad $(DEMO_AD); office -ad $(OFFICE_AD)))
 PICT_LIGHT_photo  := -ab 2 -aa .15 -ad 512 -as 128 -ar 64 -ds .05 -dj .8 -dt 0 -dc 1
 PICT_LIGHT_mask   := -ab 0
-PICT_LIGHT_with_room   := $(LITERAL) -ad $(DEMO_AD)
+PICT_LIGHT_with_room   := $(PICT_ILF) -ad $(DEMO_AD)
 PICT_LIGHT_with_single := $(PICT_LIGHT_with_room)
 $(DEMO)/%.big.hdr: $(DEMO)/%.oct $(DEMO_VIEW) $(DEMO)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
 	@echo "  render: $* $(PICT_LIGHT_$*)"
@@ -132,14 +133,14 @@ $(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(DE
 	@$(OFFICE_RUN) oconv -f $(SCENES)/office.rad > $@.part
 	@mv $@.part $@
 $(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(DEMO)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
-	@echo "  render: office $(LITERAL) -ad $(OFFICE_AD)"
+	@echo "  render: office $(PICT_ILF) -ad $(OFFICE_AD)"
 	@$(OFFICE_RUN) $(PY) scenes/timed.py --log $(OUT_OFFICE)/office.json -o $@ -- \
-	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) -ps 1 -pj 0 -w $(LITERAL) -ad $(OFFICE_AD) $<
+	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) -ps 1 -pj 0 -w $(PICT_ILF) -ad $(OFFICE_AD) $<
 $(OUT_OFFICE)/office.hdr: $(OUT_OFFICE)/office.big.hdr | $(call bins,pfilt)
 	@$(ILF_ENV) $(HALVE) $< > $@.part
 	@mv $@.part $@
 $(DEMO)/office.png: $(OUT_OFFICE)/office.hdr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --title "Real photographs to a rendered picture" \
 	    --show "One of $(words $(OFFICE_IMAGES)) photographs|fisheye, looking into the room=$(word $(shell echo $$((($(words $(OFFICE_IMAGES)) + 1) / 2))),$(OFFICE_IMAGES))" \
-	    --show "The probe|latitude/longitude, pole in the top row=$(OUT_OFFICE)/probe.exr" \
+	    --show "The probe|latitude/longitude, pole in the top row=$(OUT_OFFICE)/probe.exr@6" \
 	    --show "Rendered in that light|a still life before the wall where the camera stood=$(OUT_OFFICE)/office.hdr" -o $@

@@ -22,13 +22,13 @@ def read_exr(path):
 
 # ---- what there is to see ------------------------------------------------------------------------
 
-def lobes(count=30, seed=5):
-    """Sum of smooth lobes on a grey sky: exp(k (d.a - 1)), widths from 57 down to 1.8 degrees."""
+def lobes(count=30, seed=5, sharpest=3):
+    """Sum of smooth lobes on a grey sky: exp(k (d.a - 1)), k up to 10^sharpest (3: 1.8 degrees wide)."""
     rng = np.random.default_rng(seed)
     made = []
     for _ in range(count):
         a = rng.normal(size=3)
-        made.append((a / np.linalg.norm(a), 10 ** rng.uniform(.5, 3), rng.uniform(.1, 1, 3) * 10 ** rng.uniform(-1, 1)))
+        made.append((a / np.linalg.norm(a), 10 ** rng.uniform(.5, sharpest), rng.uniform(.1, 1, 3) * 10 ** rng.uniform(-1, 1)))
 
     def scene(d):
         out = np.full(d.shape[:-1] + (3,), .05)

@@ -75,18 +75,18 @@ class Stage:
 class FakeGrbl(threading.Thread):
     """A controller written for the tests alone, from GRBL 1.1's published interface; moves at once.
 
-    quirks: banner=TEXT, answer=function(line) -> reply or None for the usual one, junk=bytes before each reply, settings=lines.
+    quirks: stuck=True never holds, banner=TEXT, answer=function(line) -> reply or None for the usual one, junk=bytes before each reply, settings=lines.
     """
 
-    def __init__(self, banner="Grbl 1.1f ['$' for help]", answer=None, junk=b"", settings=None, after_banner=""):
+    def __init__(self, banner="Grbl 1.1f ['$' for help]", answer=None, junk=b"", settings=None, after_banner="", stuck=False):
         super().__init__(daemon=True)
         self.master, self.slave = pty.openpty()
         tty.setraw(self.slave)
         self.port = os.ttyname(self.slave)
-        self.banner, self.answer, self.junk, self.after_banner = banner, answer, junk, after_banner
+        self.banner, self.answer, self.junk, self.after_banner, self.stuck = banner, answer, junk, after_banner, stuck
         self.settings = settings or ["$10=1", "$13=0", "$20=1", "$22=1", "$23=0", "$100=250.000", "$101=250.000", "$110=500.000",
                                      "$111=500.000", "$120=10.000", "$121=10.000", "$130=200.000", "$131=200.000"]
-        self.lines, self.at, self.state, self.stopped = [], [0.0, 0.0], "Idle", False
+        self.lines, self.at, self.state, self.stopped, self.resets = [], [0.0, 0.0], "Idle", False, 0
         self.start()
 
     def close(self):
@@ -105,12 +105,13 @@ class FakeGrbl(threading.Thread):
                 continue
             for byte in os.read(self.master, 256):
                 if byte == 0x18:
-                    text = b""
+                    text, self.state = b"", "Idle"
+                    self.resets += 1
                     self.say(f"\r\n{self.banner}\r\n{self.after_banner}")
                 elif byte == ord("?"):
                     self.say(f"<{self.state}|MPos:{self.at[0]:.3f},{self.at[1]:.3f},0.000|Bf:15,128|FS:0,0|Pn:X>\r\n")
                 elif byte in b"!~":
-                    self.state = "Hold:0" if byte == ord("!") else "Idle"
+                    self.state = "Run" if self.stuck else "Hold:0" if byte == ord("!") else "Idle"
                 elif byte in b"\n":
                     self.line(text.decode())
                     text = b""

@@ -85,7 +85,7 @@ def test_centre_and_radius_off_the_middle(tmp_path):
 
 # ---- accuracy against exact area means (1024-pixel fisheye, 185 degrees, as in the peers' measurement) -------
 
-SIZES = [(400, 400, 90, 6), (1024, 512, 180, 4), (64, 64, 90, 24)]
+SIZES = [(400, 400, 90, 4), (1024, 512, 180, 3), (64, 64, 90, 20)]
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +140,7 @@ def test_checker_beats_the_best_peer_by_a_quarter(pictures, tmp_path, w, h, pola
     folder, scenes = pictures
     run("fishremap", "--lens", "equidistant", "--fov", 185, "--size", f"{w}x{h}", "--polar-max", polar_max, "-o", tmp_path / "o.exr", folder / "checker.exr")
     source = U.read_exr(folder / "checker.exr")[0]
-    exact = U.probe(scenes["checker"], w, h, polar_max, 2 * samples)
+    exact = U.probe(scenes["checker"], w, h, polar_max, samples + 3)
     rows = inside(h, polar_max)
     ours = U.rel_rmse(U.read_exr(tmp_path / "o.exr")[0][..., :3], exact, rows)
     peers = min(U.rel_rmse(supersampled(source, w, h, polar_max, n), exact, rows) for n in (1, 3))
@@ -245,7 +245,7 @@ def test_circle_partly_outside_the_frame(tmp_path):
     assert 0.6 < seen.mean() < 0.95
     assert np.sqrt(((got[..., :3] - exact)[seen] ** 2).mean()) < 2e-3 * exact.mean()
     theta, phi = np.meshgrid(*U.probe_angles(90, 45, 90))
-    below = np.sin(np.radians(-theta)) * phi / 92.5 * 150 > 52   # picture y beyond the frame
+    below = np.sin(np.radians(-theta)) * phi / 92.5 * 150 > 60   # picture y beyond the frame by more than a texel
     assert (got[below] == 0).all()
 
 
@@ -297,10 +297,8 @@ def test_wide_field_and_far_centre(tmp_path):
 
 def test_huge_numbers_are_refused_or_answered(tmp_path):
     image = np.ones((16, 16, 3))
-    for args in (("--size", "2000000x2000000"), ("--size", "99999999999x2")):
-        r = remap(tmp_path, image, "--lens", "equidistant", "--fov", 185, *args, code=None)
-        assert isinstance(r, np.ndarray) is False and r.code in (1, 2)
-        one_line_error(r, "fishremap")
+    for size, code in (("2000000x2000000", 1), ("100000x100000", 1), ("99999999999x2", 2)):
+        one_line_error(remap(tmp_path, image, "--lens", "equidistant", "--fov", 185, "--size", size, code=code), "fishremap", "expected")
     got = remap(tmp_path, image, "--lens", "equidistant", "--fov", 185, "--size", "8x8", "--radius", 1e9)
     assert np.isfinite(got).all()
 
@@ -432,3 +430,73 @@ def test_real_mirror_balls(tmp_path, folder, name, centre, radius, slack):
     x, y, r = json.loads((tmp_path / "r.json").read_text())["spheres"][0]
     assert r == pytest.approx(radius, rel=0.01)
     assert (x, y) == pytest.approx(centre, abs=slack)
+
+
+# ---- several pictures, two views of a ball, the camera's reflection ---------------------------------------
+
+def test_several_pictures_share_their_weights(tmp_path):
+    """The same pixels as one at a time, whether or not a picture has bad pixels."""
+    names = []
+    for k in range(3):
+        image = U.fisheye(U.lobes(8, k), 150, 185)
+        if k == 2:
+            image[70, 70] = np.nan
+        names.append(U.write_exr(tmp_path / f"p{k}.exr", image))
+    args = ("--quiet", "--lens", "equidistant", "--fov", 185, "--size", "60x40", "--tilt", 3)
+    run("fishremap", *args, "-o", tmp_path / "%_probe.exr", *names)
+    for k, name in enumerate(names):
+        run("fishremap", *args, "-o", tmp_path / "alone.exr", name)
+        alone, shared = U.read_exr(tmp_path / "alone.exr")[0], U.read_exr(tmp_path / f"p{k}_probe.exr")[0]
+        assert alone.shape == shared.shape and np.allclose(alone, shared, rtol=2e-6, atol=1e-7)
+    one_line_error(run("fishremap", *args, "-o", tmp_path / "x.exr", *names, code=2), "fishremap", "%")
+
+
+def ball_picture(scene, tilt_deg, to_deg, n=220):
+    """A mirror ball seen by a camera that leans by tilt towards the picture's azimuth to."""
+    t, a = np.radians(tilt_deg), np.radians(to_deg)
+    lean, axis = np.array([np.cos(a), np.sin(a), 0]), np.array([0, 0, 1.])
+    side = np.cross(axis, lean)
+    turn = np.stack([np.cos(t) * lean - np.sin(t) * axis, side, np.cos(t) * axis + np.sin(t) * lean], -1) @ np.stack([lean, side, axis])
+    return U.disc(lambda d: scene(d @ turn.T), n, n, n / 2, n / 2, n / 2 - 5, U.ball_angle, mirror=True, samples=3, outside=0)
+
+
+def test_two_views_of_a_ball(tmp_path):
+    """Each alone is bad behind its ball; together they are right everywhere, without the camera's reflection."""
+    scene = U.lobes(12, 4, 1.3)
+    exact = U.probe(scene, 72, 72, 180, 4)
+    for name, tilt in (("a", 0), ("b", 90)):
+        image = ball_picture(scene, tilt, 0)
+        y, x = np.mgrid[0:220, 0:220]
+        image[np.hypot(x + .5 - 110, y + .5 - 110) < 10] = 50   # the photographer
+        U.write_exr(tmp_path / f"{name}.exr", image)
+    args = ("--from", "ball", "--radius", 105, "--size", "72x72", "--polar-max", 180, "--hide-camera", 12)
+    run("fishremap", *args, "-o", tmp_path / "one.exr", tmp_path / "a.exr")
+    run("fishremap", *args, "--second", tmp_path / "b.exr", "--second-view", "110,110,105,90,0", "-o", tmp_path / "two.exr", tmp_path / "a.exr")
+    one, two = U.read_exr(tmp_path / "one.exr")[0], U.read_exr(tmp_path / "two.exr")[0]
+    assert (one[0, :, 3] == 0).all() and (two[..., 3] if two.shape[2] == 4 else np.ones(1)).min() > .97
+    weight = U.probe_solid_angle(72, 72, 180)[:, None, None]
+    error = {k: np.sqrt((weight * (v[..., :3] - exact) ** 2).sum() / weight.sum() / 216) / exact.mean() for k, v in (("one", one), ("two", two))}
+    assert error["two"] < 0.03 and error["two"] < error["one"] / 3, error
+
+
+# ---- a real series end to end --------------------------------------------------------------------------
+
+def test_office_series(tmp_path):
+    """Eighteen exposures to a probe: its vertical illuminance against one summed over the fisheye's own pixels."""
+    folder = shared_data("fisheye_bracket_office_canon5d2_8mm")
+    run("hdrgen", "--response", folder / "Response_function.rsp", "--times", folder / "exposures.txt", "-o", tmp_path / "office.exr",
+        *sorted(folder.glob("IMG_*.jpg")), timeout=300)
+    run("fishremap", "--lens", "equisolid", "--fov", 186, "--centre", "706,466", "--radius", 451.5, "--falloff", folder / "vignetting.json",
+        "--aperture", 5.6, "--size", "400x400", "-o", tmp_path / "probe.exr", tmp_path / "office.exr")
+    probe, weights = U.read_exr(tmp_path / "probe.exr")[0][..., :3], np.array([.265, .670, .065])
+    phi = np.radians(U.probe_angles(400, 400, 90)[1])
+    ours = ((probe @ weights) * (np.cos(phi) * U.probe_solid_angle(400, 400, 90))[:, None]).sum()
+    picture = U.read_exr(tmp_path / "office.exr")[0][..., :3] @ weights
+    y, x = np.mgrid[0:picture.shape[0], 0:picture.shape[1]]
+    r = np.hypot(x + .5 - 706, y + .5 - 466) / 451.5
+    theta = 2 * np.arcsin(np.clip(r * np.sin(np.radians(46.5)), 0, 1))
+    rn = theta / np.radians(93)
+    v = 1 + .1755458928191 * rn ** 2 - .528613562104476 * rn ** 4
+    solid = (2 * np.sin(np.radians(46.5)) / 451.5) ** 2   # equisolid: the same for each pixel
+    theirs = np.where(theta < np.pi / 2, picture / v * np.cos(theta), 0).sum() * solid
+    assert ours == pytest.approx(theirs, rel=0.002)

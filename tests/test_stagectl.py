@@ -1,12 +1,16 @@
 """stagectl on the virtual stage: commands, sessions, targets, exposures, interrupts."""
 import hashlib
+import importlib.util
 import re
+import shutil
 import signal
+import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import TOP, run
+from conftest import TOP, environment, run
 from stage_util import PYTHON, FakeGrbl, Run, Stage, asking_camera, pictures, script, session, shots
 
 
@@ -60,6 +64,7 @@ def test_keys_are_a_session_file(tmp_path):
     ("camera", {"exposures": "1 0.5"}, "rise"), ("camera", {"exposures": ""}, "at least one"),
     ("camera", {"exposures": "from 1 to 1e30 step 0.1"}, "at most"), ("camera", {"command": "cam"}, "{file}"),
     ("camera", {"command": "cam {file} {f}"}, "{f}"), ("camera", {"command": "cam '{file}"}, "closing"), ("camera", {"retries": 1.5}, "whole"),
+    ("camera", {"labels": "one"}, "expected 2, one for each"), ("camera", {"command": "cam {file} {label}"}, "labels"),
     ("output", {"file": "{i}/{k}.png"}, "{j}"), ("output", {"file": "{i}_{j}.png"}, "{k}"), ("output", {"file": "../{i}_{j}_{k}.png"}, "below"),
     ("output", {"file": "/tmp/{i}_{j}_{k}.png"}, "below"), ("output", {"file": "{i:3}_{j}_{k}.png"}, "{i:0N}"), ("output", {"folder": ""}, "folder"),
 ])
@@ -221,6 +226,7 @@ def test_c4_stage(tmp_path):
     """Arrick's controller: relative half steps, no read-back; the host's count and the truth agree at the end."""
     with Stage(tmp_path, "--dialect", "c4", "--steps", "7.874016,7.874016", "--start", "12,34") as stage:
         path = session(tmp_path, stage={"driver": "c4", "origin": "10 10", "steps_per_mm": "7.874016 7.874016"})
+        assert "expected c4 as in" in run("stagectl", "--driver", "grbl", "--port", stage.port, "capture", path, code=2).err
         run("stagectl", "--port", stage.port, "capture", path)
         x, y, moving = stage.truth()
         assert not moving and abs(x - 10) <= 0.5 / 7.874 and abs(y - 110) <= 0.5 / 7.874
@@ -273,6 +279,21 @@ def test_interrupt_in_a_move_keeps_the_position(tmp_path, sig, code):
         assert abs(sx - x) <= 0.5 / 80 + 0.001 and abs(sy - y) <= 0.5 / 80 + 0.001
 
 
+def test_a_second_interrupt_resets_at_once(fake):
+    """A stage that goes on running after a hold: the first SIGINT waits for it, the second does not."""
+    g = fake(stuck=True, answer=lambda s: "" if s.startswith("G4") else None)
+    r = Run("--port", g.port, "move", "-10", "-10")
+    while not any(s.startswith("G4") for s in g.lines):
+        time.sleep(0.01)
+    resets = g.resets
+    r.kill(signal.SIGINT)
+    time.sleep(0.5)
+    assert r.process.poll() is None and g.resets == resets
+    r.kill(signal.SIGINT)
+    start = time.monotonic()
+    assert r.end(20)[0] == 130 and g.resets == resets + 1 and time.monotonic() - start < 5
+
+
 def test_interrupt_in_a_session_and_resume(tmp_path):
     with Stage(tmp_path, factor=20) as stage:
         path = session(tmp_path)
@@ -318,8 +339,9 @@ def test_auto_takes_what_the_scene_needs(tmp_path, lamp, wall):
     text = path.read_text().replace("exposures = 0.25 1", "auto = yes\ncircle = 0").replace(".ppm", ".pgm")
     path.write_text(text)
     with Stage(tmp_path) as stage:
-        run("stagectl", "--port", stage.port, "capture", path)
+        r = run("stagectl", "--port", stage.port, "capture", path)
     series = 2.0 ** np.arange(-14, 2)
+    assert f"{48 - len(shots(tmp_path / 'out'))} left out as not needed" in r.err
     clips, black = np.round(255 * np.minimum(1, lamp * series)) >= 0.99 * 255, np.round(255 * np.minimum(1, wall * series)) <= 0.02 * 255
     first = max([k for k in range(16) if not clips[k]], default=0)
     last = min([k for k in range(16) if not black[k]], default=15)
@@ -334,3 +356,42 @@ def test_auto_takes_what_the_scene_needs(tmp_path, lamp, wall):
             assert len(taken) <= len(needed) + 1, (needed, taken)
         listed = (tmp_path / f"out/{i:03}_000/times.txt").read_text().splitlines()[1:]
         assert [float(s.split()[1]) for s in listed] == pytest.approx(sorted(series[k] for k in taken))
+
+
+# ---- a real camera command ---------------------------------------------------------------------------------------
+
+def test_gphoto2_and_its_virtual_nikon(tmp_path):
+    """Debian's gphoto2 on the Nikon D750 that the PyPI package's vusb library plays: 3 x 3 places, 2 exposures."""
+    spec = importlib.util.find_spec("gphoto2")
+    vusb = Path(spec.origin).parent / "libgphoto2" / "vusb" if spec else None
+    if not shutil.which("gphoto2") or not vusb or not vusb.is_dir():
+        pytest.skip("gphoto2 (Debian) or the Python package gphoto2 with its virtual camera is not installed")
+    roll = tmp_path / "card/DCIM/100NIKON"
+    roll.mkdir(parents=True)
+    from PIL import Image
+    Image.fromarray(np.random.default_rng(1).integers(0, 255, (60, 80, 3)).astype("u1")).save(roll / "DSC_0001.JPG")
+    env = environment(IOLIBS=str(vusb), VCAMERADIR=str(tmp_path / "card"))
+    found = subprocess.run(["gphoto2", "--auto-detect"], env=env, capture_output=True, text=True, timeout=30)
+    if "D750" not in found.stdout:
+        pytest.skip("the virtual Nikon does not show up")
+    # in one call the two options take 3.4 s on this camera, in two 0.6 s
+    path = session(tmp_path, "gphoto2 --set-config shutterspeed={label} && "
+                   "gphoto2 --capture-image-and-download --force-overwrite --filename {file}",
+                   grid={"nodes": "3x3"}, camera={"shell": "yes", "exposures": "0.1 1", "labels": "0.1000s 1.0000s", "timeout": 30, "retries": 1,
+                                                  "error_text": "*** Error"}, output={"file": "{i}_{j}/{k}.jpg"})
+    with Stage(tmp_path) as stage:
+        run("stagectl", "--port", stage.port, "capture", path, env=env)
+    files = sorted((tmp_path / "out").rglob("*.jpg"))
+    assert len(files) == 18 and all(Image.open(f).size == (80, 60) for f in files)
+    assert "9 of 9 places finished, 18 exposures" in run("stagectl", "verify", path).text
+    assert (tmp_path / "out/camera.log").read_text().count("Saving file as") == 18
+
+
+def test_labels_and_error_text(tmp_path):
+    camera = script(tmp_path, "#!/bin/sh\nprintf 'P6\\n1 1\\n255\\nabc' > $1; echo \"$2\" >> $0.log; [ \"$2\" != B ] || echo '*** Error ***'\n")
+    path = session(tmp_path, f"{camera} {{file}} {{label}}", camera={"labels": "'1/4 s' A", "error_text": "*** Error"}, grid={"nodes": "1x1"})
+    with Stage(tmp_path) as stage:
+        run("stagectl", "--port", stage.port, "capture", path)
+        assert (tmp_path / "camera.sh.log").read_text() == "1/4 s\nA\n"
+        path = session(tmp_path, f"{camera} {{file}} {{label}}", camera={"labels": "A B", "error_text": "*** Error"}, output={"folder": "o2"})
+        assert "exposure 1: camera: it said '*** Error'" in run("stagectl", "--port", stage.port, "capture", path, code=1).err

@@ -119,7 +119,7 @@ static void one_record(const char *what, ilf_sampler *s, const double *r)
         ilf_sample(&d, slice, r[3], r[4], r[5]);
         memcpy(out, d.dir, sizeof d.dir);
         out[3] = d.pdf;
-        out[4] = d.distance;
+        out[4] = d.far;
         out[5] = d.bound;
     }
     put(out, 6);

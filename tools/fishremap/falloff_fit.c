@@ -115,11 +115,12 @@ static double residual(const data *d, const double g[N])
     return s;
 }
 
-/* Minimum of GCV over a logarithmic range of lambda; freedom at most n - 1 and what n can bear. */
+/* Minimum of GCV over a logarithmic range of lambda; freedom at most n - 1, what n can bear, and what a
+ * lens can have: rings of a flat field are many, and their deviations are not independent. */
 static double choose_lambda(double *freedom, const data *d)
 {
     double best = INFINITY, at = 1e8, n = weight_sum(d), inv[N][N], g[N];
-    double most = fmax(fmin(n - 1, 2 + n / 3), 1.5);
+    double most = fmax(fmin(fmin(n - 1, 2 + n / 3), 12), 1.5);
     *freedom = 1;
     for (int k = 0; k <= 56; k++) {
         double lambda = pow(10, 10 - 0.25 * k);
@@ -161,7 +162,7 @@ static int robust_weights(data *d)
         rc = solve_smooth(g, NULL, d, lambda);
         for (int i = 0; i < n; i++) r[i] = d->y[i] - predict(g, d->t[i]);
         double scale = 1.4826 * median_abs(r, n);
-        if (scale < 1e-3) scale = 1e-3;
+        if (scale < 0.01) scale = 0.01; /* a stiff curve is itself no better */
         for (int i = 0; i < n; i++) {
             double u = fabs(d->y[i] - predict(g, d->t[i])) / (it < 40 ? scale : 6 * scale);
             d->w[i] = base[i] * (it < 40 ? 1 / fmax(u, 0.1) : u < 1 ? (1 - u * u) * (1 - u * u) : 0);
@@ -172,6 +173,35 @@ static int robust_weights(data *d)
     free(r);
     free(base);
     return rc;
+}
+
+/* A stiff curve may have turned away readings that the right one bears out, at the rim above all: take
+ * back, and send off again, by the curve that cross-validation chooses, until nothing changes. */
+static int settle_weights(double *lambda, double *freedom, data *d)
+{
+    double g[N], *r = malloc(sizeof(double) * (size_t)d->n);
+    if (!r) return -1;
+    for (int it = 0, changed = 1; changed && it < 30; it++) {
+        int k = 0;
+        changed = 0;
+        *lambda = choose_lambda(freedom, d);
+        if (solve_smooth(g, NULL, d, *lambda)) {
+            free(r);
+            return -1;
+        }
+        for (int i = 0; i < d->n; i++)
+            if (d->w[i] > 0) r[k++] = d->y[i] - predict(g, d->t[i]);
+        double limit = 6 * fmax(1.4826 * median_abs(r, k), 0.003);
+        for (int i = 0; i < d->n && d->n >= 5; i++) {
+            int in = fabs(d->y[i] - predict(g, d->t[i])) < limit;
+            changed |= in != (d->w[i] > 0);
+            d->w[i] = in;
+        }
+        if (weight_sum(d) < 2) changed = 0;
+    }
+    *lambda = choose_lambda(freedom, d);
+    free(r);
+    return 0;
 }
 
 /* min |A x - b|, x >= 0 (Lawson & Hanson); A row-major m x N. */
@@ -291,8 +321,8 @@ int falloff_fit(falloff_curve *f, falloff_reading *r, int n, int c, double half,
         err_set(e, "expected at least 2 usable readings in channel %c, found %d", "RGB"[c], d.n);
         goto done;
     }
-    if (robust_weights(&d)) goto failed;
-    double lambda = choose_lambda(&freedom, &d);
+    double lambda;
+    if (robust_weights(&d) || settle_weights(&lambda, &freedom, &d)) goto failed;
     if (solve_smooth(g, inv, &d, lambda)) goto failed;
     double count = weight_sum(&d), left = count - freedom;
     double variance = left > 0.5 ? residual(&d, g) / left : 0;
@@ -302,6 +332,11 @@ int falloff_fit(falloff_curve *f, falloff_reading *r, int n, int c, double half,
     int rises = 0;
     for (int k = from; k + 1 < N; k++) rises |= g[k + 1] > g[k];
     if (rises && solve_monotone(g, &d, lambda, from)) goto failed;
+    /* A curve that happens to look simple is not trusted far beyond the readings for that: deviations are
+     * those of at least four parameters. */
+    double stiff = lambda, bend[N];
+    for (int k = 0; k < 60 && count >= 6 && freedom_of(&d, inv) < 4; k++)
+        if (solve_smooth(bend, inv, &d, stiff /= 2)) goto failed;
     memset(f, 0, sizeof *f);
     f->half = half;
     f->axis = exp(g[0]);

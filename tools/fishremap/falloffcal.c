@@ -37,7 +37,7 @@ static const cli_opt options[] = {
     {"fov", 'f', CLI_DOUBLE, &cfg.fov_deg, NULL, "DEG", "field of view of the image circle, degrees"},
     {"centre", 'c', CLI_CALL, NULL, opt_centre, "X,Y", "centre of the image circle, pixels (default: the picture's), or auto"},
     {"radius", 'r', CLI_DOUBLE, &cfg.radius, NULL, "PX", "radius of the image circle (default: half the shorter side)"},
-    {"flat", 0, CLI_STRING, &cfg.flat, NULL, "IMAGE", "picture of a flat field, in place of or beside IMAGE@DEG"},
+    {"flat", 0, CLI_STRING, &cfg.flat, NULL, "IMAGE", "picture of a flat field, in place of IMAGE@DEG"},
     {"linear", 0, CLI_FLAG, &cfg.linear, NULL, NULL, "codes of PNG, JPEG, TIFF and PNM are proportional to light (default: sRGB)"},
     {"plot", 0, CLI_STRING, &cfg.plot, NULL, "FILE.svg", "plot of the readings and the curves"},
     {"output", 'o', CLI_STRING, &cfg.out, NULL, "FALLOFF", "text file that fishremap --falloff reads"},
@@ -111,7 +111,7 @@ int main(int argc, char **argv)
     int n = cli_parse(&prog, argc, argv), rings = 0;
     if (!cfg.lens) cli_fail(CLI_USAGE, "expected --lens MODEL, found none");
     if (!cfg.out) cli_fail(CLI_USAGE, "expected -o FALLOFF, found none");
-    if (!n && !cfg.flat) cli_fail(CLI_USAGE, "expected IMAGE@DEG... or --flat IMAGE, found neither");
+    if (!n == !cfg.flat) cli_fail(CLI_USAGE, "expected either IMAGE@DEG... or --flat IMAGE, found %s", n ? "both" : "neither");
     if (n > MAX_READINGS) cli_fail(CLI_USAGE, "expected at most %d pictures, found %d", MAX_READINGS, n);
     if (lens_read(&l, cfg.lens, cfg.fov_deg, &e)) cli_fail(CLI_FAILED, "%s", e.text);
     falloff_reading *r = calloc((size_t)n + 256, sizeof *r);

@@ -78,6 +78,13 @@ static int opt_reflectance(const char *v, void *arg, errmsg *e)
     return 0;
 }
 
+static int opt_second(const char *v, void *arg, errmsg *e)
+{
+    settings *s = arg;
+    if (cli_parse_doubles(s->second_view, 5, v, ",", e)) return -1;
+    return s->second_view[2] > 0 ? 0 : err_set(e, "expected X,Y,R,TILT,TO with a radius above 0, found %s", v);
+}
+
 static int choose(int *out, const char *v, const char *const *names, errmsg *e)
 {
     char list[128] = "";
@@ -150,21 +157,31 @@ static const cli_opt options[] = {
     {"camera-distance", 0, CLI_DOUBLE, &cfg.camera_distance, NULL, "D", "camera to spheres, unit of --diameter (default: infinite)"},
     {"diameter", 0, CLI_DOUBLE, &cfg.diameter, NULL, "D", "sphere's diameter (default 1)"},
     {"reflectance", 0, CLI_CALL, &cfg, opt_reflectance, "R,G,B", "of the mirror spheres; the result is divided by it (default 1)"},
+    {"hide-camera", 0, CLI_DOUBLE, &cfg.hide_camera_deg, NULL, "DEG", "leave out what a sphere reflects within DEG of the camera's direction"},
+    {"second", 0, CLI_STRING, &cfg.second, NULL, "FILE", "another picture of the same ball, from elsewhere, to combine with IN"},
+    {"second-view", 0, CLI_CALL, &cfg, opt_second, "X,Y,R,TILT,TO", "its ball, pixels, and its camera's --tilt and --tilt-to, degrees"},
     {"type", 't', CLI_CALL, &cfg, opt_type, "TYPE", "EXR pixels: float (default) or half"},
     {"compression", 0, CLI_STRING, &cfg.compression, NULL, "NAME", "EXR compression (default zip)"},
-    {"output", 'o', CLI_STRING, &cfg.out, NULL, "OUT", "picture (.exr or .hdr), or .ilf.exr for an array"},
+    {"output", 'o', CLI_STRING, &cfg.out, NULL, "OUT", "picture (.exr or .hdr), or .ilf.exr for an array; for several IN a name\nwith a % for theirs"},
     {0},
 };
 
 static const cli_prog prog = {
-    "fishremap", "-o OUT IN",
+    "fishremap", "-o OUT IN...",
     "Remap a fisheye picture, a mirror ball or a mirror-sphere array to latitude/longitude light probes.", options,
     "Every output texel is the mean over its footprint in the picture, so that a lamp keeps its energy."};
 
 static void check_usage(int operands)
 {
-    if (operands != 1) cli_fail(CLI_USAGE, "expected one input picture, found %d", operands);
+    if (operands < 1) cli_fail(CLI_USAGE, "expected an input picture, found none");
     if (!cfg.out) cli_fail(CLI_USAGE, "expected -o OUT, found none");
+    if (operands > 1 && (cfg.nu || !strchr(cfg.out, '%') || cfg.overlay))
+        cli_fail(CLI_USAGE, "expected one input picture%s, found %d",
+                 cfg.nu ? " of an array" : cfg.overlay ? " with --overlay" : ", or an OUT with a % for the pictures' names", operands);
+    if (cfg.second && (cfg.from != VIEW_BALL || !(cfg.second_view[2] > 0)))
+        cli_fail(CLI_USAGE, "expected --from ball and --second-view X,Y,R,TILT,TO with --second");
+    if (!(cfg.hide_camera_deg >= 0 && cfg.hide_camera_deg < 90))
+        cli_fail(CLI_USAGE, "--hide-camera: expected 0 to 90 degrees, found %g", cfg.hide_camera_deg);
     if (!cfg.out_w) cli_fail(CLI_USAGE, "expected --size WxH, found none");
     if (!cfg.nu && (cfg.from == VIEW_FISHEYE || cfg.to == VIEW_FISHEYE) && !cfg.lens)
         cli_fail(CLI_USAGE, "expected --lens MODEL, found none");
@@ -180,19 +197,51 @@ static void check_usage(int operands)
     if (cfg.camera_distance < 0) cli_fail(CLI_USAGE, "--camera-distance: expected a length above 0, found %g", cfg.camera_distance);
 }
 
+/* OUT with its % replaced by the picture's name without folder and ending; malloc'd. */
+static char *name_for(const char *out, const char *in)
+{
+    const char *base = strrchr(in, '/'), *mark = strchr(out, '%');
+    base = base ? base + 1 : in;
+    const char *dot = strrchr(base, '.');
+    int len = dot && dot > base ? (int)(dot - base) : (int)strlen(base);
+    char *name;
+    if (asprintf(&name, "%.*s%.*s%s", (int)(mark - out), out, len, base, mark + 1) < 0) cli_fail(CLI_FAILED, "out of memory");
+    return name;
+}
+
+static void tell(const outcome *o, const char *in, int several)
+{
+    const char *of = several ? in : "", *sep = several ? ": " : "";
+    if (o->bad_pixels) cli_note("%s%s%lld pixels were not finite or masked and were left out", of, sep, (long long)o->bad_pixels);
+    if (o->remark[0]) cli_note("%s%s%s", of, sep, o->remark);
+}
+
 int main(int argc, char **argv)
 {
     errmsg e;
     outcome o = {0};
+    session shared = {0};
     int n = cli_parse(&prog, argc, argv);
     check_usage(n);
-    cfg.in = argv[1];
+    if (cfg.out_w > IMG_MAX_SIDE || cfg.out_h > IMG_MAX_SIDE || (int64_t)cfg.out_w * cfg.out_h > IMG_MAX_PIXELS / 4)
+        cli_fail(CLI_FAILED, "--size: expected sides up to %d and up to %lld pixels, found %dx%d", IMG_MAX_SIDE, (long long)IMG_MAX_PIXELS / 4,
+                 cfg.out_w, cfg.out_h);
     cfg.progress = cli_progress;
     cfg.command = cli_command_line(&prog, argc, argv);
-    if (cfg.nu ? job_array(&o, &cfg, &e) : job_picture(&o, &cfg, &e)) cli_fail(CLI_FAILED, "%s", e.text);
+    shared.several = n > 1;
+    const char *out = cfg.out;
+    for (int k = 1; k <= n; k++) {
+        char *name = n > 1 ? name_for(out, argv[k]) : NULL;
+        cfg.in = argv[k];
+        if (name) cfg.out = name;
+        o.bad_pixels = 0, o.remark[0] = 0;
+        if (cfg.nu ? job_array(&o, &cfg, &e) : job_picture(&o, &shared, &cfg, &e)) cli_fail(CLI_FAILED, "%s", e.text);
+        tell(&o, cfg.in, n > 1);
+        if (n > 1) cli_progress("pictures", k, n);
+        free(name);
+    }
+    session_free(&shared);
     if (cfg.report && report_write(cfg.report, &o, &e)) cli_fail(CLI_FAILED, "%s", e.text);
     free(o.spheres);
-    if (o.bad_pixels) cli_note("%lld pixels were not finite or masked and were left out", (long long)o.bad_pixels);
-    if (o.remark[0]) cli_note("%s", o.remark);
     return cli_end(CLI_OK);
 }

@@ -43,7 +43,7 @@ static int fold_mask(img *im, const char *path, errmsg *e)
     return 0;
 }
 
-int input_load(img *im, const settings *s, errmsg *e)
+int input_load(img *im, int *all_good, const settings *s, errmsg *e)
 {
     img a, b;
     if (img_load(&a, s->in, e)) return -1;
@@ -57,12 +57,15 @@ int input_load(img *im, const settings *s, errmsg *e)
     size_t n = (size_t)a.info.width * (size_t)a.info.height;
     /* alpha of a coded picture is a code; of a radiometric one a share */
     float alpha_scale = a.info.coded && a.info.max_code > 0 ? (float)(1 / a.info.max_code) : 1;
-#pragma omp parallel for schedule(static)
+    int bad = s->mask != NULL;
+#pragma omp parallel for schedule(static) reduction(| : bad)
     for (size_t i = 0; i < n; i++) {
         const float *p = a.pix + i * (size_t)ch;
         float *q = b.pix + 4 * i;
         q[0] = p[0], q[1] = ch >= 3 ? p[1] : p[0], q[2] = ch >= 3 ? p[2] : p[0];
         q[3] = ch == 2 || ch == 4 ? p[ch - 1] * alpha_scale : 1;
+        float sum = q[0] + q[1] + q[2];
+        bad |= !(sum - sum == 0) | (q[3] != 1);
     }
     img_free(&a);
     if (s->mask && fold_mask(&b, s->mask, e)) {
@@ -70,6 +73,7 @@ int input_load(img *im, const settings *s, errmsg *e)
         return -1;
     }
     *im = b;
+    *all_good = !bad;
     return 0;
 }
 
@@ -85,7 +89,7 @@ static int place_disc(double *cx, double *cy, double *r, const settings *s, cons
         double known = s->radius > 0 || l->focal_px > 0 ? *r : 0;
         if (circle_find(&f, im->pix, w, h, s->from == VIEW_BALL ? CIRCLE_BALL : CIRCLE_LENS, known, e)) return -1;
         *cx = f.x, *cy = f.y;
-        if (!known) *r = f.r;
+        if (known == 0) *r = f.r;
     }
     double dx = fmax(fmax(-*cx, *cx - w), 0), dy = fmax(fmax(-*cy, *cy - h), 0);
     if (hypot(dx, dy) >= *r)
@@ -145,7 +149,7 @@ void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode)
     }
 }
 
-static int write_result(const settings *s, const float *rgb, const float *alpha, int partial, errmsg *e)
+int result_write(const settings *s, const float *rgb, const float *alpha, int partial, errmsg *e)
 {
     img im;
     int ch = partial && s->outside == OUTSIDE_ALPHA ? 4 : 3;
@@ -170,14 +174,112 @@ static int write_result(const settings *s, const float *rgb, const float *alpha,
     return rc;
 }
 
-int job_picture(outcome *o, const settings *s, errmsg *e)
+/* The camera sees itself in a ball: pixels within the hidden angle of the axis get alpha 0. */
+void hide_camera(float *pix, int *all_good, const chart *c, double angle)
+{
+    if (!(angle > 0)) return;
+    *all_good = 0;
+    double r = c->radius * lens_radius(NULL, &c->lens, angle);
+    for (int y = 0; y < c->height; y++)
+        for (int x = 0; x < c->width; x++)
+            if (hypot(x + 0.5 - c->cx, y + 0.5 - c->cy) < r) pix[4 * ((size_t)y * (size_t)c->width + (size_t)x) + 3] = 0;
+}
+
+void session_free(session *w)
+{
+    remap_plan_free(w->plan);
+    w->plan = NULL;
+}
+
+/* Remap a loaded picture, by the session's weights where it fits them. */
+static int remap_picture(float *rgb, float *alpha, outcome *o, session *w, img *im, int all_good, const chart *src, const chart *dst,
+                         errmsg *e)
+{
+    remap_source ready;
+    double t0 = cpu_seconds();
+    if (source_clean(&ready, im->pix, im->info.width, im->info.height, all_good, src, e)) return -1;
+    int shared = w && w->several && !ready.bad && src->width < 65536 && src->height < 65536;
+    int rc = shared ? 0 : source_slopes(&ready, src, e);
+    double t1 = cpu_seconds();
+    if (!rc && shared && !(w->plan && memcmp(&w->src, src, sizeof *src) == 0 && memcmp(&w->dst, dst, sizeof *dst) == 0)) {
+        session_free(w);
+        rc = remap_plan_new(&w->plan, dst, src, e);
+        w->src = *src, w->dst = *dst;
+        o->cpu_plan_s += cpu_seconds() - t1;
+    }
+    double t2 = cpu_seconds();
+    if (!rc && shared) rc = remap_apply(rgb, alpha, w->plan, &ready, e);
+    else if (!rc) rc = remap_run(rgb, alpha, dst, src, &ready, e);
+    o->cpu_prepare_s += t1 - t0, o->cpu_remap_s += cpu_seconds() - t2;
+    o->bad_pixels += ready.nbad;
+    source_free(&ready);
+    return rc;
+}
+
+/* Add a second view of the same ball: each direction is taken from the views by how well they show
+ * it, best near the middle of their pictures and not at all towards the rim's last degrees. */
+static int add_second(float *rgb, float *alpha, outcome *o, const settings *s, const chart *first, const chart *dst, errmsg *e)
+{
+    settings t = *s;
+    img im;
+    chart src;
+    const double *view = s->second_view;
+    size_t n = (size_t)s->out_w * (size_t)s->out_h;
+    float *rgb2 = malloc(n * 3 * sizeof(float)), *alpha2 = malloc(n * sizeof(float));
+    int rc = -1;
+    t.in = s->second, t.mask = NULL;
+    if (!rgb2 || !alpha2) {
+        err_set(e, "out of memory");
+        goto done;
+    }
+    int all_good;
+    if (input_load(&im, &all_good, &t, e)) goto done;
+    chart_disc(&src, im.info.width, im.info.height, &first->lens, view[0], view[1], view[2], 1, s->rotate_deg * DEG, view[3] * DEG, view[4] * DEG);
+    hide_camera(im.pix, &all_good, &src, s->hide_camera_deg * DEG);
+    rc = remap_picture(rgb2, alpha2, o, NULL, &im, all_good, &src, dst, e);
+    img_free(&im);
+    for (size_t i = 0; !rc && i < n; i++) {
+        double d[3], weight[2];
+        const chart *c[2] = {first, &src};
+        chart_unproject(d, dst, (double)(i % (size_t)s->out_w) + 0.5, (double)(i / (size_t)s->out_w) + 0.5);
+        for (int k = 0; k < 2; k++) {
+            double cosine = c[k]->frame[2][0] * d[0] + c[k]->frame[2][1] * d[1] + c[k]->frame[2][2] * d[2];
+            double well = fmax(1 - acos(fmin(fmax(cosine, -1), 1)) / (170 * DEG), 1e-3);
+            weight[k] = (double)(k ? alpha2 : alpha)[i] * pow(well, 4);
+        }
+        double sum = weight[0] + weight[1];
+        for (size_t k = 0; sum > 0 && k < 3; k++)
+            rgb[3 * i + k] = (float)((weight[0] * (double)rgb[3 * i + k] + weight[1] * (double)rgb2[3 * i + k]) / sum);
+        alpha[i] = fmaxf(alpha[i], alpha2[i]);
+    }
+done:
+    free(rgb2);
+    free(alpha2);
+    return rc;
+}
+
+/* Shares of the output's solid angle that are covered; whether any texel is not wholly. */
+static double coverage(int *partial, const float *alpha, const chart *dst)
+{
+    double seen = 0, all = 0;
+    *partial = 0;
+    for (int y = 0; y < dst->height; y++)
+        for (int x = 0; x < dst->width; x++) {
+            float a = alpha[(size_t)y * (size_t)dst->width + (size_t)x];
+            double w = chart_pixel_solid_angle(dst, x, y);
+            *partial |= a < 1;
+            seen += w * (double)a, all += w;
+        }
+    return all > 0 ? seen / all : 0;
+}
+
+int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
 {
     img im;
     chart src, dst;
-    remap_source ready = {0};
-    int rc = -1, mirror = s->from == VIEW_BALL || s->to == VIEW_BALL;
+    int rc = -1, partial, all_good, mirror = s->from == VIEW_BALL || s->to == VIEW_BALL;
     float *rgb = NULL, *alpha = NULL;
-    if (input_load(&im, s, e)) return -1;
+    if (input_load(&im, &all_good, s, e)) return -1;
     if (make_chart(&src, s, s->from, &im, mirror, e)) goto done;
     if (make_chart(&dst, s, s->to, NULL, mirror, e)) goto done;
     if (s->overlay) {
@@ -194,37 +296,25 @@ int job_picture(outcome *o, const settings *s, errmsg *e)
         free(f);
         if (failed) goto done;
     }
-    double t0 = cpu_seconds();
-    if (source_prepare(&ready, im.pix, im.info.width, im.info.height, &src, e)) goto done;
-    double t1 = cpu_seconds();
+    if (s->from == VIEW_BALL) hide_camera(im.pix, &all_good, &src, s->hide_camera_deg * DEG);
     size_t n = (size_t)s->out_w * (size_t)s->out_h;
     rgb = malloc(n * 3 * sizeof(float)), alpha = malloc(n * sizeof(float));
     if (!rgb || !alpha) {
         err_set(e, "out of memory");
         goto done;
     }
-    if (remap_run(rgb, alpha, &dst, &src, &ready, e)) goto done;
-    o->cpu_prepare_s = t1 - t0, o->cpu_remap_s = cpu_seconds() - t1;
     o->cx = src.cx, o->cy = src.cy, o->radius = src.radius;
-    o->bad_pixels = ready.nbad;
-    int partial = 0;
-    double seen = 0, all = 0;
-    for (int y = 0; y < s->out_h; y++)
-        for (int x = 0; x < s->out_w; x++) {
-            size_t at = (size_t)y * (size_t)s->out_w + (size_t)x;
-            double w = chart_pixel_solid_angle(&dst, x, y);
-            partial |= alpha[at] < 1;
-            seen += w * (double)alpha[at], all += w;
-        }
-    o->covered = all > 0 ? seen / all : 0;
-    if (seen == 0) {
+    if (remap_picture(rgb, alpha, o, w, &im, all_good, &src, &dst, e)) goto done;
+    if (s->second && add_second(rgb, alpha, o, s, &src, &dst, e)) goto done;
+    for (size_t i = 0; s->from == VIEW_BALL && i < 3 * n; i++) rgb[i] = (float)(rgb[i] / s->reflectance[i % 3]);
+    o->covered = coverage(&partial, alpha, &dst);
+    if (o->covered == 0) {
         err_set(e, "%s: expected some of the picture to fall into the output, found none", s->in);
         goto done;
     }
     outside_fill(rgb, alpha, s->out_w, s->out_h, s->outside);
-    rc = write_result(s, rgb, alpha, partial, e);
+    rc = result_write(s, rgb, alpha, partial, e);
 done:
-    source_free(&ready);
     free(rgb);
     free(alpha);
     img_free(&im);

@@ -18,28 +18,19 @@
 
 #include "chart.h"
 #include "errmsg.h"
-
-/* A picture made ready: 9 floats a pixel: L, gx, gy for R, G, B. */
-#define SRC_FLOATS 9
-typedef struct remap_source {
-    int width, height;
-    float *px;          /* width*height*SRC_FLOATS, owned */
-    unsigned char *bad; /* 1: pixel can't be used (NaN, infinite, masked); NULL if there is none; owned */
-    int64_t nbad;
-} remap_source;
+#include "slope.h"
 
 typedef struct remap_plan remap_plan;
 
-/* Weights that take pictures of chart src to chart dst.  skip, if not NULL, marks
- * source pixels that don't count (width*height bytes).  Held in memory: about 16 bytes per overlap. */
-int remap_plan_new(remap_plan **plan, const chart *dst, const chart *src, const unsigned char *skip, errmsg *e);
+/* Weights that take pictures of chart src (sides below 65536) to chart dst, every source pixel counting. */
+int remap_plan_new(remap_plan **plan, const chart *dst, const chart *src, errmsg *e);
 void remap_plan_free(remap_plan *p);
 
 /* rgb: dst width*height*3; alpha (may be NULL): share of the texel's solid angle that the source
- * covers, 0..1.  Texels that nothing covers are 0. */
-void remap_apply(float *rgb, float *alpha, const remap_plan *p, const remap_source *s);
+ * covers, 0..1.  Texels that nothing covers are 0.  s needs no slopes, and no bad pixels. */
+int remap_apply(float *rgb, float *alpha, const remap_plan *p, const remap_source *s, errmsg *e);
 
-/* Both at once, row by row, without holding the plan. */
+/* Both at once, row by row, without holding the plan; s needs slopes, and may have bad pixels. */
 int remap_run(float *rgb, float *alpha, const chart *dst, const chart *src, const remap_source *s, errmsg *e);
 
 /* Number of overlaps (pixel pieces) in the plan. */

@@ -13,7 +13,7 @@ int report_write(const char *path, const outcome *o, errmsg *e)
     if (out_begin(&out, path, e)) return -1;
     FILE *f = out_stream(out);
     fprintf(f, "{\n \"bad_pixels\": %lld,\n \"covered\": %.9g,\n", (long long)o->bad_pixels, o->covered);
-    fprintf(f, " \"cpu_s\": {\"prepare\": %.6f, \"remap\": %.6f}", o->cpu_prepare_s, o->cpu_remap_s);
+    fprintf(f, " \"cpu_s\": {\"plan\": %.6f, \"prepare\": %.6f, \"remap\": %.6f}", o->cpu_plan_s, o->cpu_prepare_s, o->cpu_remap_s);
     if (o->radius > 0) fprintf(f, ",\n \"centre\": [%.4f, %.4f],\n \"radius\": %.4f", o->cx, o->cy, o->radius);
     if (o->nspheres) {
         fprintf(f, ",\n \"polar_valid_deg\": %.4f,\n \"pitch_per_diameter\": %.5f,\n \"tilt_deg\": %.4f,\n \"spheres\": [", o->polar_valid_deg, o->pitch, o->tilt_deg);

@@ -34,6 +34,9 @@ typedef struct settings {
     sphere_seen corner[4];
     double camera_distance, diameter; /* same unit; distance 0: infinitely far */
     double reflectance[3];
+    double hide_camera_deg;          /* half angle about the sphere-to-camera line that is not used */
+    const char *second;              /* another picture of the same ball, or NULL */
+    double second_view[5];           /* its X, Y, R, and its camera's tilt and tilt-to, degrees */
     int have_plane;
     double plane[9];
     const char *compression;
@@ -45,25 +48,40 @@ typedef struct outcome {
     double cx, cy, radius;   /* of the image circle, pixels */
     int64_t bad_pixels;      /* NaN, infinite or masked */
     double covered;          /* share of the output's solid angle */
-    double cpu_prepare_s, cpu_remap_s;
+    double cpu_plan_s, cpu_prepare_s, cpu_remap_s; /* plan: only where several pictures share one */
     double pitch, polar_valid_deg, tilt_deg; /* arrays */
     sphere_seen *spheres;    /* arrays: where they are; the caller frees them */
     int nspheres;
     char remark[512];        /* worth telling, or "" */
 } outcome;
 
-/* Load the input as linear radiance with mask and alpha folded in: 4 channels. */
-int input_load(img *im, const settings *s, errmsg *e);
+/* Load the input as linear radiance with mask and alpha folded in: 4 channels.  all_good: every pixel is finite
+ * and has alpha 1. */
+int input_load(img *im, int *all_good, const settings *s, errmsg *e);
+
+/* What pictures of one geometry share: weights are made once.  Zero to begin with. */
+typedef struct session {
+    int several;     /* more than one picture will come: keep the plan */
+    chart src, dst;
+    struct remap_plan *plan;
+} session;
+void session_free(session *w);
 
 /* One picture to another. */
-int job_picture(outcome *o, const settings *s, errmsg *e);
+int job_picture(outcome *o, session *w, const settings *s, errmsg *e);
 
 /* Mirror-sphere array to a light field (or, 1x1 without ".ilf.exr", to a probe). */
 int job_array(outcome *o, const settings *s, errmsg *e);
 
+/* Take the camera's own reflection (within the angle, radians, of the axis) out of a ball's picture. */
+void hide_camera(float *pix, int *all_good, const chart *c, double angle);
+
 /* Fill texels with alpha 0 as the mode says; rgb w*h*3.  Hold: the nearest covered texel of the
  * column, upwards first. */
 void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode);
+
+/* Write the picture; partial: some alpha is below 1. */
+int result_write(const settings *s, const float *rgb, const float *alpha, int partial, errmsg *e);
 
 /* CPU time of this thread. */
 double cpu_seconds(void);

@@ -7,8 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef float v4 __attribute__((vector_size(16)));
-typedef int i4 __attribute__((vector_size(16)));
+typedef slope_v4 v4;
 
 /* Mark what can't be used: alpha 0 and black; everything else gets alpha 1. */
 static int64_t mark_bad(float *pix, unsigned char *bad, size_t n)
@@ -16,8 +15,10 @@ static int64_t mark_bad(float *pix, unsigned char *bad, size_t n)
     int64_t nbad = 0;
 #pragma omp parallel for schedule(static) reduction(+ : nbad) if (n > 65536)
     for (size_t i = 0; i < n; i++) {
-        float *p = pix + 4 * i, all = p[0] + p[1] + p[2];
-        int is_bad = !(all - all == 0) || !(p[3] >= 0.5f);
+        v4 *q = (v4 *)pix + i, rest = *q - *q; /* 0 where finite */
+        slope_i4 finite = rest == 0;
+        float *p = (float *)q;
+        int is_bad = !(finite[0] & finite[1] & finite[2]) | !(p[3] >= 0.5f);
         bad[i] = (unsigned char)is_bad;
         nbad += is_bad;
         if (is_bad) memset(p, 0, 3 * sizeof *p);
@@ -38,7 +39,7 @@ static void hold_pixel(float *pix, unsigned char *bad, const chart *c, int x, in
         if (hypot(fabs(xs + 0.5 - c->cx) + 0.5, fabs(ys + 0.5 - c->cy) + 0.5) > c->radius) continue;
         size_t from = (size_t)ys * (size_t)w + (size_t)xs, to = (size_t)y * (size_t)w + (size_t)x;
         memcpy(pix + 4 * to, pix + 4 * from, 4 * sizeof *pix);
-        bad[to] = bad[from];
+        if (bad) bad[to] = bad[from];
         return;
     }
 }
@@ -74,73 +75,33 @@ static void hold_rim(float *pix, unsigned char *bad, const chart *c)
     }
 }
 
-static inline v4 min4(v4 a, v4 b)
-{
-    i4 less = a < b;
-    return (v4)(((i4)a & less) | ((i4)b & ~less));
-}
-
-static inline v4 abs4(v4 a)
-{
-    return (v4)((i4)a & 0x7fffffff);
-}
-
-/* Slope from the differences to the left and to the right, 0 where they differ in sign. */
-static inline v4 limited(v4 a, v4 b)
-{
-    v4 c = 0.5f * (a + b), twice = 2 * min4(abs4(a), abs4(b)), s = min4(abs4(c), twice);
-    i4 sign = (i4)c & (int)0x80000000, same = a * b > 0;
-    return (v4)(((i4)s | sign) & same);
-}
-
 /* Slopes of the pixels [x0, x1) of one row. */
-static void slope_row(remap_source *s, const float *pix, const unsigned char *bad, int y, int x0, int x1, int wrap)
+static void slope_row(remap_source *s, int y, int x0, int x1, int wrap)
 {
     int w = s->width, h = s->height;
     size_t row = (size_t)y * (size_t)w;
-    const v4 *up = (const v4 *)pix + (y > 0 ? row - (size_t)w : row), *down = (const v4 *)pix + (y + 1 < h ? row + (size_t)w : row);
-    const v4 *here = (const v4 *)pix + row;
+    const v4 *up = (const v4 *)s->pix + (y > 0 ? row - (size_t)w : row), *down = (const v4 *)s->pix + (y + 1 < h ? row + (size_t)w : row);
+    const v4 *here = (const v4 *)s->pix + row;
     for (int x = x0; x < x1; x++) {
         int xl = x > 0 ? x - 1 : wrap ? w - 1 : x, xr = x + 1 < w ? x + 1 : wrap ? 0 : x;
-        v4 p = here[x], gx = limited(p - here[xl], here[xr] - p), gy = limited(p - up[x], down[x] - p);
-        if (bad) {
-            if (here[xl][3] == 0 || here[xr][3] == 0) gx = (v4){0, 0, 0, 0};
-            if (up[x][3] == 0 || down[x][3] == 0) gy = (v4){0, 0, 0, 0};
-        }
-        /* the lowest corner stays >= 0 */
-        v4 dip = 0.5f * (abs4(gx) + abs4(gy));
-        i4 low = dip > p;
-        if (low[0] | low[1] | low[2])
-            for (int c = 0; c < 3; c++) {
-                float k = !low[c] ? 1 : p[c] > 0 ? p[c] / dip[c] : 0;
-                gx[c] *= k, gy[c] *= k;
-            }
-        float *q = s->px + (row + (size_t)x) * SRC_FLOATS;
+        v4 p = here[x], gx, gy, left = here[xl], right = here[xr], above = up[x], below = down[x];
+        if (left[3] == 0 || right[3] == 0) left = right = p;
+        if (above[3] == 0 || below[3] == 0) above = below = p;
+        slope_pixel(&gx, &gy, p, left, right, above, below);
+        float *q = s->slopes + (row + (size_t)x) * SRC_FLOATS;
         q[0] = p[0], q[1] = p[1], q[2] = p[2];
         q[3] = gx[0], q[4] = gx[1], q[5] = gx[2];
         q[6] = gy[0], q[7] = gy[1], q[8] = gy[2];
     }
 }
 
-int source_prepare(remap_source *s, float *pix, int width, int height, const chart *src, errmsg *e)
+int source_clean(remap_source *s, float *pix, int width, int height, int all_good, const chart *src, errmsg *e)
 {
     size_t n = (size_t)width * (size_t)height;
-    remap_source t = {width, height, malloc((n * SRC_FLOATS + 4) * sizeof(float)), malloc(n), 0};
-    if (!t.px || !t.bad) {
-        source_free(&t);
-        return err_set(e, "out of memory");
-    }
-    memset(t.px + n * SRC_FLOATS, 0, 4 * sizeof(float));
-    t.nbad = mark_bad(pix, t.bad, n);
-    int is_disc = src->kind == CHART_DISC;
-    if (is_disc) hold_rim(pix, t.bad, src);
-    int wrap = !is_disc && src->lon_span > 2 * M_PI * (1 - 1e-12);
-#pragma omp parallel for schedule(static) if (n > 65536)
-    for (int y = 0; y < height; y++) {
-        int x[2] = {0, width};
-        if (is_disc) row_extent(x, src, y, src->radius + 2);
-        slope_row(&t, pix, t.nbad ? t.bad : NULL, y, x[0], x[1], wrap);
-    }
+    remap_source t = {width, height, pix, NULL, all_good ? NULL : malloc(n), 0};
+    if (!all_good && !t.bad) return err_set(e, "out of memory");
+    if (!all_good) t.nbad = mark_bad(pix, t.bad, n);
+    if (src->kind == CHART_DISC) hold_rim(pix, t.bad, src);
     if (!t.nbad) {
         free(t.bad);
         t.bad = NULL;
@@ -149,9 +110,25 @@ int source_prepare(remap_source *s, float *pix, int width, int height, const cha
     return 0;
 }
 
+int source_slopes(remap_source *s, const chart *src, errmsg *e)
+{
+    size_t n = (size_t)s->width * (size_t)s->height;
+    int is_disc = src->kind == CHART_DISC, wrap = !is_disc && src->lon_span > 2 * M_PI * (1 - 1e-12);
+    s->slopes = malloc((n * SRC_FLOATS + 4) * sizeof(float));
+    if (!s->slopes) return err_set(e, "out of memory");
+    memset(s->slopes + n * SRC_FLOATS, 0, 4 * sizeof(float));
+#pragma omp parallel for schedule(static) if (n > 65536)
+    for (int y = 0; y < s->height; y++) {
+        int x[2] = {0, s->width};
+        if (is_disc) row_extent(x, src, y, src->radius + 2);
+        slope_row(s, y, x[0], x[1], wrap);
+    }
+    return 0;
+}
+
 void source_free(remap_source *s)
 {
-    free(s->px);
+    free(s->slopes);
     free(s->bad);
     memset(s, 0, sizeof *s);
 }

@@ -8,13 +8,61 @@
 #ifndef SLOPE_H
 #define SLOPE_H
 
-#include "chart.h"
-#include "remap.h"
+#include <stdint.h>
 
-/* pix: width*height*4, R G B alpha, 16-byte aligned (malloc's are); it is used up: pixels that are NaN, infinite
- * or have alpha < 1/2 are marked bad, blackened and take no part.  Pixels that the rim of a disc cuts
- * mix with what lies outside and take the value of the next pixel inwards.  -1: no memory. */
-int source_prepare(remap_source *s, float *pix, int width, int height, const chart *src, errmsg *e);
+#include "chart.h"
+#include "errmsg.h"
+
+/* A picture made ready.  pix: R G B and 1, or 0 for a bad pixel; slopes: SRC_FLOATS a pixel (L, gx, gy for R, G, B),
+ * or NULL where remap_apply shall make them as it goes. */
+#define SRC_FLOATS 9
+typedef struct remap_source {
+    int width, height;
+    const float *pix;   /* width*height*4, the caller's */
+    float *slopes;      /* owned */
+    unsigned char *bad; /* 1: pixel can't be used (NaN, infinite, masked); NULL if there is none; owned */
+    int64_t nbad;
+} remap_source;
+
+/* pix: width*height*4, R G B alpha, 16-byte aligned (malloc's are); it is used up, and stays in use by s: pixels that
+ * are NaN, infinite or have alpha < 1/2 are marked bad, blackened and take no part.  Pixels that the rim of
+ * a disc cuts mix with what lies outside and take the value of the next pixel inwards.  all_good: the
+ * caller knows that every pixel is finite and has alpha 1.  -1: no memory. */
+int source_clean(remap_source *s, float *pix, int width, int height, int all_good, const chart *src, errmsg *e);
+int source_slopes(remap_source *s, const chart *src, errmsg *e);
 void source_free(remap_source *s);
+
+typedef float slope_v4 __attribute__((vector_size(16)));
+typedef int slope_i4 __attribute__((vector_size(16)));
+
+static inline slope_v4 slope_abs(slope_v4 a)
+{
+    return (slope_v4)((slope_i4)a & 0x7fffffff);
+}
+
+/* Slope from the differences to the left and to the right, 0 where they differ in sign. */
+static inline slope_v4 slope_limited(slope_v4 a, slope_v4 b)
+{
+    slope_v4 c = 0.5f * (a + b), p = slope_abs(a), q = slope_abs(b), k = slope_abs(c);
+    slope_i4 less = p < q;
+    slope_v4 twice = 2 * (slope_v4)(((slope_i4)p & less) | ((slope_i4)q & ~less));
+    slope_i4 fits = k < twice, sign = (slope_i4)c & (int)0x80000000, same = a * b > 0;
+    slope_v4 s = (slope_v4)(((slope_i4)k & fits) | ((slope_i4)twice & ~fits));
+    return (slope_v4)(((slope_i4)s | sign) & same);
+}
+
+/* Both slopes of a pixel from its four neighbours; its lowest corner stays >= 0. */
+static inline void slope_pixel(slope_v4 *gx, slope_v4 *gy, slope_v4 p, slope_v4 left, slope_v4 right, slope_v4 up, slope_v4 down)
+{
+    slope_v4 x = slope_limited(p - left, right - p), y = slope_limited(p - up, down - p);
+    slope_v4 dip = 0.5f * (slope_abs(x) + slope_abs(y));
+    slope_i4 low = dip > p;
+    if (low[0] | low[1] | low[2])
+        for (int c = 0; c < 3; c++) {
+            float k = !low[c] ? 1 : p[c] > 0 ? p[c] / dip[c] : 0;
+            x[c] *= k, y[c] *= k;
+        }
+    *gx = x, *gy = y;
+}
 
 #endif

@@ -136,7 +136,7 @@ int source_find(source_disc *s, const float *pix, const chart *c, double theta, 
     b[seed] = fmaxf(b[seed], peak);
     size_t count = flood(mark, stack, b, w, h, seed, peak / 2);
     double radius = sqrt((double)count / M_PI);
-    int border = (int)(0.2 * radius + 0.5);
+    int border = (int)(0.12 * radius + 0.5);
     if (radius > 3 && border < 1) border = 1;
     memcpy(copy, mark, n);
     unsigned char *kept = malloc(n);

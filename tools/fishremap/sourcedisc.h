@@ -17,7 +17,7 @@ typedef struct source_disc {
 } source_disc;
 
 /* Find the brightest patch within 12 degrees of field angle theta: pixels above half of its (median-filtered)
- * peak that hang together, without a border of a fifth of its radius; mean without what lies
+ * peak that hang together, without a border of an eighth of its radius; mean without what lies
  * beyond 3 robust standard deviations.  pix: 4 floats a pixel, alpha < 1/2 not used. */
 int source_find(source_disc *s, const float *pix, const chart *c, double theta, errmsg *e);
 

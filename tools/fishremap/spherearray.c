@@ -19,6 +19,13 @@
 
 #define DEG (M_PI / 180)
 
+/* A light field, or a picture? */
+static int is_field(const char *path)
+{
+    size_t n = strlen(path);
+    return n >= 8 && strcmp(path + n - 8, ".ilf.exr") == 0;
+}
+
 /* The window of the picture around a sphere, as a picture of its own. */
 static int cut_window(float **pix, int box[4], const img *im, const sphere_seen *q, errmsg *e)
 {
@@ -51,14 +58,17 @@ static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, con
     chart src, dst;
     lens l;
     remap_source ready;
+    int all_good = 0;
     double d = s->camera_distance > 0 ? 2 * s->camera_distance / s->diameter : 0;
     if (lens_sphere(&l, d, e) || cut_window(&pix, box, im, q, e)) return -1;
     chart_disc(&src, box[2] - box[0], box[3] - box[1], &l, q->x - box[0], q->y - box[1], q->r, 1, turn, s->tilt_deg * DEG,
                s->tilt_to_deg * DEG);
     if (frame) memcpy(src.frame, frame, sizeof src.frame);
+    hide_camera(pix, &all_good, &src, s->hide_camera_deg * DEG);
     chart_probe(&dst, s->out_w, s->out_h, polar_max);
     double t0 = cpu_seconds();
-    int rc = source_prepare(&ready, pix, src.width, src.height, &src, e);
+    int rc = source_clean(&ready, pix, src.width, src.height, all_good, &src, e);
+    if (!rc) rc = source_slopes(&ready, &src, e);
     free(pix);
     if (rc) return -1;
     double t1 = cpu_seconds();
@@ -68,7 +78,7 @@ static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, con
     size_t n = (size_t)s->out_w * (size_t)s->out_h;
     for (size_t i = 0; i < 3 * n; i++) rgb[i] = (float)(rgb[i] / s->reflectance[i % 3]);
     for (size_t i = 0; i < n; i++) o->covered += (double)alpha[i] / (double)n;
-    outside_fill(rgb, alpha, s->out_w, s->out_h, OUTSIDE_HOLD);
+    if (is_field(s->out) || s->outside == OUTSIDE_HOLD) outside_fill(rgb, alpha, s->out_w, s->out_h, OUTSIDE_HOLD);
     return rc;
 }
 
@@ -126,6 +136,10 @@ static int write_field(outcome *o, const settings *s, const img *im, const spher
         err_set(e, "out of memory");
         goto done;
     }
+    if (!is_field(s->out)) { /* one sphere, as a plain probe */
+        rc = row_of_spheres(rgb, alpha, o, s, im, g, q, pose, 0, polar_max, e) || result_write(s, rgb, alpha, o->covered < 1, e) ? -1 : 0;
+        goto done;
+    }
     ilf_spec spec = {.n_u = s->nu, .n_v = s->nv, .n_theta = s->out_w, .n_phi = s->out_h, .polar_max = polar_max,
                      .polar_valid = valid < polar_max ? valid : 0, .type = s->half_float == 1 ? ILF_HALF : ILF_FLOAT,
                      .compression = s->compression ? s->compression : "zip", .comments = s->command};
@@ -177,10 +191,11 @@ static int locate(sphere_seen *q, sphere_grid *g, outcome *o, const settings *s,
     if (sphere_grid_init(g, s->nu, s->nv, corner, rotate, e)) return -1;
     for (int k = 0; k < total; k++) q[k] = sphere_grid_at(NULL, g, k % s->nu, k / s->nu);
     if (total == 1) return 0; /* one sphere is where it is said, or was found, to be */
-    int rc = sphere_refine(q, &fit, g, im->pix, w, h, e);
+    double slack = s->corners_auto ? 1 : fmax(3, 0.04 * corner[0].r);
+    int rc = s->nu > 1 && s->nv > 1 ? sphere_refine(q, &fit, g, corner, rotate, slack, 1.6 * slack, im->pix, w, h, e) : 1;
     if (rc < 0) return -1;
-    if (rc > 0) snprintf(o->remark, sizeof o->remark, "too few rims to be seen near the corners: the spheres are where the corners put them");
-    else snprintf(o->remark, sizeof o->remark, "rims of %d of %d spheres seen, %.2f pixels about the grid", fit.refined, total, fit.rms);
+    if (rc > 0) snprintf(o->remark, sizeof o->remark, "no rims to be seen near the corners: the spheres are where the corners put them");
+    else snprintf(o->remark, sizeof o->remark, "rims of %d of %d spheres within a pixel of the grid, %.2f pixels rms", fit.seen, total, fit.rms);
     return 0;
 }
 
@@ -190,7 +205,10 @@ int job_array(outcome *o, const settings *s, errmsg *e)
     sphere_grid g;
     double polar_max = (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG, valid = polar_max;
     int total = s->nu * s->nv, rc = -1;
-    if (input_load(&im, s, e)) return -1;
+    if (total > 1 && !is_field(s->out))
+        return err_set(e, "%s: expected an output that ends in .ilf.exr for %d spheres", s->out, total);
+    int all_good;
+    if (input_load(&im, &all_good, s, e)) return -1;
     sphere_seen *q = malloc(sizeof *q * (size_t)total);
     if (!q) {
         err_set(e, "out of memory");

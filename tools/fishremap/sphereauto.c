@@ -3,9 +3,8 @@
  *
  * Neighbouring spheres show almost the same reflections, so the picture repeats itself: the steps
  * of the grid are the shifts, along the picture's right and up, at which its gradient correlates best with
- * itself.  Where in the repeating cell the centre lies, and the radius, is voted for by all edges, each
- * along its gradient: a rim votes for its centre with all of its length; the best guesses are tried on the
- * rims themselves.  Which nodes are spheres
+ * itself.  The centre lies where the repeated pieces are most alike, the radius is where the reflections
+ * end on the way in from the gaps.  Which nodes are spheres
  * is seen from how alike neighbouring nodes are: the n x m window that holds most likeness is the array.
  */
 #include <math.h>
@@ -15,7 +14,7 @@
 #include "spherefind.h"
 
 #define SIDE 480 /* pixels, longer side of the working copy */
-#define CELL 48  /* bins across the repeating cell */
+#define CELL 32  /* places tried across the repeating cell */
 
 typedef struct work {
     int w, h;
@@ -109,87 +108,65 @@ static double find_step(double step[2], const work *a, const double d[2], double
     return best;
 }
 
-/* Lattice coordinates of a point: p = o + s u + t v. */
-static void coordinates(double st[2], double x, double y, const double u[2], const double v[2])
+/* What the same place of neighbouring cells has in common, over all nodes within the picture: the mean
+ * product of gradients, and minus the mean squared difference (clipped) of what is seen. */
+static void compare_cells(float product[CELL][CELL], float same[CELL][CELL], const work *a, const double u[2], const double v[2],
+                          double pitch, int n, int m)
 {
-    double det = u[0] * v[1] - u[1] * v[0];
-    st[0] = (x * v[1] - y * v[0]) / det;
-    st[1] = (u[0] * y - u[1] * x) / det;
-}
-
-/* A guess at where in the cell the centre lies, and at the radius. */
-typedef struct guess {
-    double at[2], r, votes, quality;
-} guess;
-
-#define GUESSES 16
-
-static void keep_guess(guess *list, const guess *g, double pitch)
-{
-    int worst = 0;
-    for (int k = 0; k < GUESSES; k++) {
-        double ds = g->at[0] - list[k].at[0], dt = g->at[1] - list[k].at[1];
-        ds -= nearbyint(ds), dt -= nearbyint(dt);
-        if (list[k].votes > 0 && hypot(ds, dt) < 0.07 && fabs(g->r - list[k].r) < 0.06 * pitch) {
-            if (g->votes > list[k].votes) list[k] = *g;
-            return;
+    int reach = (int)(hypot(a->w, a->h) / pitch) + 2;
+    for (int q = 0; q < CELL; q++)
+        for (int p = 0; p < CELL; p++) {
+            double sum = 0, diff = 0, count = 0;
+            for (int j = -reach; j <= reach; j++)
+                for (int i = -reach; i <= reach; i++) {
+                    double s = i + (p + 0.5) / CELL, t = j + (q + 0.5) / CELL, x = s * u[0] + t * v[0], y = s * u[1] + t * v[1];
+                    if (x < 0 || y < 0 || x >= a->w || y >= a->h) continue;
+                    size_t here = (size_t)y * (size_t)a->w + (size_t)x;
+                    for (int d = 0; d < 2; d++) {
+                        double nx = x + (d ? v[0] : u[0]), ny = y + (d ? v[1] : u[1]);
+                        if ((d ? m : n) == 1 || nx < 0 || ny < 0 || nx >= a->w || ny >= a->h) continue;
+                        size_t there = (size_t)ny * (size_t)a->w + (size_t)nx;
+                        double e = (double)(a->g[there] - a->g[here]);
+                        sum += (double)(a->gx[here] * a->gx[there] + a->gy[here] * a->gy[there]), diff += fmin(e * e, 0.25), count++;
+                    }
+                }
+            product[q][p] = (float)(count > 0 ? sum / count : 0);
+            same[q][p] = (float)(count > 0 ? -diff / count : 0);
         }
-        if (list[k].votes < list[worst].votes) worst = k;
-    }
-    if (g->votes > list[worst].votes) list[worst] = *g;
 }
 
-/* Votes of all edges for a centre at radius r, folded into one cell; local peaks become guesses. */
-static void fold_votes(guess *list, const work *a, double r, const double u[2], const double v[2])
+#define GUESSES 3
+
+/* Guesses at the centre in the cell, in steps: neighbours have much in common in the middle, where no sphere
+ * hides the room, and little in the ring of reflected reflections around it. */
+static void find_centre(double at[GUESSES][2], float shared[CELL][CELL], const double u[2], const double v[2], double pitch)
 {
-    float cell[CELL][CELL], soft[CELL][CELL];
-    double mean = 0;
-    memset(cell, 0, sizeof cell);
-    for (int y = 1; y + 1 < a->h; y++)
-        for (int x = 1; x + 1 < a->w; x++) {
-            size_t i = (size_t)y * (size_t)a->w + (size_t)x;
-            double m = hypot((double)a->gx[i], (double)a->gy[i]), st[2];
-            if (m < 0.05) continue;
-            for (int side = -1; side <= 1; side += 2) {
-                coordinates(st, x + 0.5 + side * r * (double)a->gx[i] / m, y + 0.5 + side * r * (double)a->gy[i] / m, u, v);
-                int p = (int)((st[0] - floor(st[0])) * CELL), q = (int)((st[1] - floor(st[1])) * CELL);
-                cell[q % CELL][p % CELL] += (float)fmin(m, 0.15);
+    float score[CELL][CELL];
+    for (int q = 0; q < CELL; q++)
+        for (int p = 0; p < CELL; p++) {
+            double in = 0, nin = 0, ring = 0, nring = 0;
+            for (int j = 0; j < CELL; j++)
+                for (int i = 0; i < CELL; i++) {
+                    double s = (double)(i - p) / CELL, t = (double)(j - q) / CELL;
+                    s -= nearbyint(s), t -= nearbyint(t);
+                    double r = hypot(s * u[0] + t * v[0], s * u[1] + t * v[1]) / pitch, d = (double)shared[j][i];
+                    if (r < 0.28) in += d, nin++;
+                    else if (r > 0.34 && r < 0.48) ring += d, nring++;
+                }
+            score[q][p] = (float)(in / nin - ring / nring);
+        }
+    for (int k = 0; k < GUESSES; k++) { /* the highest, a quarter of a cell apart */
+        float best = -INFINITY;
+        for (int q = 0; q < CELL; q++)
+            for (int p = 0; p < CELL; p++) {
+                int apart = 1;
+                for (int i = 0; i < k; i++) {
+                    double s = (p + 0.5) / CELL - at[i][0], t = (q + 0.5) / CELL - at[i][1];
+                    apart &= hypot(s - nearbyint(s), t - nearbyint(t)) > 0.2;
+                }
+                if (apart && score[q][p] > best) best = score[q][p], at[k][0] = (p + 0.5) / CELL, at[k][1] = (q + 0.5) / CELL;
             }
-        }
-    for (int q = 0; q < CELL; q++)
-        for (int p = 0; p < CELL; p++) {
-            double s = 0;
-            for (int j = -2; j <= 2; j++)
-                for (int i = -2; i <= 2; i++)
-                    s += (double)cell[(q + j + CELL) % CELL][(p + i + CELL) % CELL] * (3 - abs(i)) * (3 - abs(j));
-            soft[q][p] = (float)s;
-            mean += s / (CELL * CELL);
-        }
-    for (int q = 0; q < CELL; q++)
-        for (int p = 0; p < CELL; p++) {
-            int top = 1;
-            for (int j = -2; j <= 2; j++)
-                for (int i = -2; i <= 2; i++) top &= soft[(q + j + CELL) % CELL][(p + i + CELL) % CELL] <= soft[q][p];
-            guess g = {{(p + 0.5) / CELL, (q + 0.5) / CELL}, r, mean > 0 ? (double)soft[q][p] / mean : 0, 0};
-            if (top) keep_guess(list, &g, fmin(hypot(u[0], u[1]), hypot(v[0], v[1])));
-        }
-}
-
-/* How well a guess explains rims at full size: over some nodes, the share of the rim seen, and how sharply. */
-static double rim_quality(const guess *g, const float *grey, int w, int h, double k, const double u[2], const double v[2])
-{
-    double sum = 0;
-    int reach = (int)(hypot(w, h) / (k * fmin(hypot(u[0], u[1]), hypot(v[0], v[1])))) + 1, tried = 0, step = 1;
-    while ((2.0 * reach / step) * (2.0 * reach / step) > 1600) step++;
-    for (int j = -reach; j <= reach; j += step)
-        for (int i = -reach; i <= reach; i += step) {
-            double s = i + g->at[0], t = j + g->at[1], x = k * (s * u[0] + t * v[0]), y = k * (s * u[1] + t * v[1]), r = k * g->r;
-            if (x < r || y < r || x > w - r || y > h - r || tried >= 64) continue;
-            circle_found f = {x, y, r, 0, 0};
-            tried++;
-            if (!circle_refine(&f, grey, w, h, CIRCLE_BALL, fmax(4, 0.12 * r))) sum += f.share / (1 + f.rms * 20 / r);
-        }
-    return tried ? sum / tried * sqrt(g->r) : 0;
+    }
 }
 
 /* How alike the reflections around two points are: correlation of grey within 0.6 r; -1 outside. */
@@ -247,11 +224,11 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
 {
     work a;
     /* +u in the picture: right, turned back by rotate; +v to its left */
-    double c = cos(rotate), s = sin(rotate), du[2] = {c, s}, dv[2] = {s, -c}, u[2] = {0, 0}, v[2] = {0, 0};
+    double co = cos(rotate), si = sin(rotate), du[2] = {co, si}, dv[2] = {si, -co}, u[2] = {0, 0}, v[2] = {0, 0};
     if (n > 100 || m > 100) return err_set(e, "expected at most 100 x 100 spheres to find, found %d x %d", n, m);
     if (w / n < 12 || h / m < 12 || work_init(&a, pix, w, h))
         return err_set(e, "expected at least 12 pixels a sphere, found a picture of %d x %d for %d x %d spheres", w, h, n, m);
-    double along_u = (fabs(c) * a.w + fabs(s) * a.h) / n, along_v = (fabs(s) * a.w + fabs(c) * a.h) / m;
+    double along_u = (fabs(co) * a.w + fabs(si) * a.h) / n, along_v = (fabs(si) * a.w + fabs(co) * a.h) / m;
     double most = n > 1 && m > 1 ? fmin(along_u, along_v) : n > 1 ? along_u : along_v, found = 1;
     if (n > 1) found = fmin(found, find_step(u, &a, du, 0.3 * most, 1.15 * most, n));
     if (m > 1) found = fmin(found, find_step(v, &a, dv, 0.3 * most, 1.15 * most, m));
@@ -262,27 +239,36 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
         work_free(&a);
         return err_set(e, "expected an array of %d x %d mirror spheres, found nothing that repeats itself so; give --corners", n, m);
     }
-    guess list[GUESSES];
-    memset(list, 0, sizeof list);
-    for (double f = 0.30; f <= 0.525; f += 0.0125) fold_votes(list, &a, f * pitch, u, v);
-    float *grey = circle_grey(pix, w, h);
-    guess *best = list;
-    for (int q = 0; grey && q < GUESSES; q++) {
-        if (list[q].votes > 0) list[q].quality = rim_quality(&list[q], grey, w, h, a.k, u, v);
-        if (list[q].quality > best->quality) best = list + q;
+    float shared[2][CELL][CELL];
+    double at[2 * GUESSES][2], best = 0;
+    compare_cells(shared[0], shared[1], &a, u, v, pitch, n, m);
+    find_centre(at, shared[0], u, v, pitch);
+    find_centre(at + GUESSES, shared[1], u, v, pitch);
+    for (int try = 0; try < 4 * GUESSES && best < 1.2; try++) { /* each guess taken to its rims: which has most of them? */
+        int k = try % (2 * GUESSES);
+        double slack = (try < 2 * GUESSES ? 0.04 : 0.15) * a.k * pitch;
+        double o[2] = {at[k][0] * u[0] + at[k][1] * v[0], at[k][0] * u[1] + at[k][1] * v[1]};
+        int node[2] = {0, 0};
+        if (!(best_window(node, &a, o, u, v, 0.4 * pitch, n, m) > 0.1)) continue;
+        sphere_seen c[4];
+        for (int q = 0; q < 4; q++) {
+            double i = node[0] + (q == 1 || q == 2 ? n - 1 : 0), j = node[1] + (q >= 2 ? m - 1 : 0);
+            c[q] = (sphere_seen){a.k * (o[0] + i * u[0] + j * v[0]), a.k * (o[1] + i * u[1] + j * v[1]), a.k * 0.5 * pitch};
+        }
+        sphere_grid g;
+        sphere_fit fit;
+        sphere_seen *all = malloc(sizeof *all * (size_t)n * (size_t)m);
+        double quality = 0;
+        if (all && !sphere_outer_radius(c, pix, w, h, n, m, rotate, NULL) && !sphere_grid_init(&g, n, m, c, rotate, NULL)) {
+            int rc = n > 1 && m > 1 ? sphere_refine(all, &fit, &g, c, rotate, slack, 0.3 * a.k * pitch, pix, w, h, NULL) : 1;
+            quality = rc < 0 ? 0 : rc > 0 ? 1e-3 : (0.1 + fit.seen / ((double)n * m)) / (0.3 + fit.rms);
+            for (int q = 0; q < 4 && rc == 0; q++) c[q] = sphere_grid_at(NULL, &g, q == 1 || q == 2 ? n - 1 : 0, q >= 2 ? m - 1 : 0);
+        }
+        free(all);
+        if (quality > best) best = quality, memcpy(corner, c, sizeof c);
     }
-    free(grey);
-    double r = best->r, o[2] = {best->at[0] * u[0] + best->at[1] * v[0], best->at[0] * u[1] + best->at[1] * v[1]};
-    int node[2] = {0, 0};
-    double like = best_window(node, &a, o, u, v, r, n, m);
-    double k = a.k;
     work_free(&a);
-    if (!(like > 0.1))
-        return err_set(e, "expected an array of %d x %d mirror spheres, found none that look alike; give --corners", n, m);
-    for (int q = 0; q < 4; q++) {
-        double i = node[0] + (q == 1 || q == 2 ? n - 1 : 0), j = node[1] + (q >= 2 ? m - 1 : 0);
-        corner[q] = (sphere_seen){k * (o[0] + i * u[0] + j * v[0]), k * (o[1] + i * u[1] + j * v[1]), k * r};
-    }
+    if (!(best > 0)) return err_set(e, "expected an array of %d x %d mirror spheres, found none that look alike; give --corners", n, m);
     return 0;
 }
 

@@ -9,16 +9,21 @@
 
 /* How well the spheres were found. */
 typedef struct sphere_fit {
-    int refined;    /* spheres whose own rim was seen and agrees with the grid */
-    double rms;     /* of their centres about the homography, pixels */
+    int seen;        /* spheres whose own rim agrees with the grid within a pixel */
+    double rms;      /* of their own rims about the grid, pixels */
+    double contrast; /* change across the rims, relative to that across circles a little aside */
 } sphere_fit;
 
-/* q: n*m spheres, i fastest, out.  g: from the corners, in; fitted to all rims, out.  Each sphere's rim is sought
- * within a tenth of its radius (at least 3.5 px) of where the grid has it; the homography and
- * a plane of radii are fitted robustly to what was seen.  A sphere gets the grid's place, unless its rim
- * clearly (four standard deviations) stands elsewhere; radii are scaled to where the reflections end.  1 (q not set): fewer than half of the rims are seen;
- * -1: the rims contradict the corners. */
-int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const float *pix, int w, int h, errmsg *e);
+/* q: n*m spheres, i fastest, out.  g: from the corners, in; fitted to all rims at once, out: the corners, known to about
+ * `slack` pixels, move (by up to `reach` pixels) to where the picture changes most across all circles, and the common radius becomes that
+ * where the reflections end.  1 (q not set): the rims do not stand out from what is
+ * around them; -1: the rims contradict the corners.  A single row or column is left as given (1). */
+int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double slack,
+                  double reach, const float *pix, int w, int h, errmsg *e);
+
+/* Corners at the right centres, with radii of half the pitch: set the radii to where, coming from the gaps, the
+ * reflections begin. */
+int sphere_outer_radius(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e);
 
 /* Corner spheres of an n x m array that fills a good part of the picture; rotate as in sphere_grid_init. */
 int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e);

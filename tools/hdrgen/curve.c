@@ -29,6 +29,14 @@ static int slope_prior(qrls *q, const basis *b, const double *c)
     return 0;
 }
 
+/* d2g/dv2 that curves have at code u * max: next to none where few samples outweigh the read noise (there a power
+ * law is the best guess), much from a film's floor on and towards the shoulder. */
+static double usual_bend(double u)
+{
+    double u4 = u * u * u * u;
+    return 0.05 + (2 + 16 * u) * u4 / (u4 + 1e-5);
+}
+
 int curve_penalty(qrls *q, const basis *b, double lambda, const double *c)
 {
     if (slope_prior(q, b, c))
@@ -37,7 +45,7 @@ int curve_penalty(qrls *q, const basis *b, double lambda, const double *c)
         double v0 = b->knot[3 + i], v1 = b->knot[4 + i], dv = (v1 - v0) / PER_INTERVAL;
         for (int j = 0; j < PER_INTERVAL; j++) {
             double v = v0 + (j + 0.5) * dv, n[4], now = 0;
-            double bend = 1.5 + 24 * exp(v) / b->max_code;
+            double bend = usual_bend(exp(v) / b->max_code);
             int first = basis_eval(b, v, 2, n);
             double w = sqrt(lambda * dv) / bend, *row = qrls_row(q);
             if (!row)

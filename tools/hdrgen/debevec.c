@@ -14,6 +14,7 @@
 #include "curve.h"
 
 enum { STRATA = 64, PER_STRATUM = 48, MIN_PIXELS = 8 };
+static const double least_correlation = 0.5;
 
 static int usable(int z, int max_code)
 {
@@ -30,6 +31,40 @@ static int informative(const uint16_t *z, const samples *s, const double *lnt)
             hi = fmax(hi, lnt[k]);
         }
     return hi > lo;
+}
+
+/* Do two exposures that are neighbours in time see the same thing?  Where a long exposure shows a scene
+ * and a short one only its read noise, both are inside the scale, but their codes don't correlate.  Returns the
+ * number of such pairs, less those where the longer exposure is the darker one. */
+static int overlapping(const samples *s, int c, const double *lnt)
+{
+    enum { LEAST = 8 };
+    int pairs = 0;
+    for (int k = 0; k < s->exposures; k++) {
+        int next = -1; /* the next longer exposure */
+        for (int i = 0; i < s->exposures; i++)
+            if (lnt[i] > lnt[k] && (next < 0 || lnt[i] < lnt[next]))
+                next = i;
+        if (next < 0)
+            continue;
+        double n = 0, sa = 0, sb = 0, aa = 0, bb = 0, ab = 0;
+        for (int i = 0; i < s->n[c]; i++) {
+            const uint16_t *z = s->z[c] + (size_t)i * (size_t)s->exposures;
+            if (!usable(z[k], s->max_code) || !usable(z[next], s->max_code))
+                continue;
+            double a = z[k], b = z[next];
+            n++;
+            sa += a;
+            sb += b;
+            aa += a * a;
+            bb += b * b;
+            ab += a * b;
+        }
+        double va = n * aa - sa * sa, vb = n * bb - sb * sb;
+        if (n >= LEAST && va > 0 && vb > 0 && n * ab - sa * sb > least_correlation * sqrt(va * vb))
+            pairs += sb >= sa ? 1 : -1;
+    }
+    return pairs;
 }
 
 /* Indices of up to STRATA*PER_STRATUM informative pixels spread over the range of brightness. */
@@ -87,6 +122,16 @@ static int one_channel(response *r, int c, solve_facts *facts, const samples *s,
                 "exposures of different time, found %d: give --response", c, MIN_PIXELS, n);
         goto done;
     }
+    int pairs = overlapping(s, c, lnt);
+    if (pairs < 0) {
+        err_set(e, "channel %d: the longer exposures are the darker ones: times or order of the images wrong?", c);
+        goto done;
+    }
+    if (pairs == 0) {
+        err_set(e, "channel %d: expected two exposures that show the same things neither black nor clipped, found "
+                "none: give --response", c);
+        goto done;
+    }
     for (int i = 0; i < n; i++) {
         const uint16_t *z = s->z[c] + (size_t)chosen[i] * (size_t)s->exposures;
         int used = 0;
@@ -141,7 +186,10 @@ int debevec_solve(response *r, solve_facts *facts, const samples *s, const doubl
             response_free(&got);
             return -1;
         }
-    response_normalise(&got);
+    if (response_normalise(&got)) {
+        response_free(&got);
+        return err_set(e, "the recovered responses of the channels have nothing in common: times or order of the images wrong?");
+    }
     strcpy(got.origin, "debevec");
     *r = got;
     return 0;

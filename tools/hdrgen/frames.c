@@ -6,7 +6,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
+
+#include "halfraw.h"
 
 enum { STRIP_ROWS = 64, RAW_MAX = 65535 };
 static const int64_t strip_bytes = (int64_t)96 << 20; /* of codes, all exposures together */
@@ -26,7 +27,7 @@ typedef struct frame {
 
 struct frames {
     frames_facts facts;
-    int strip_rows, y, have_all; /* have_all: every row is kept or spooled */
+    int half, strip_rows, y, have_all; /* have_all: every row is kept or spooled */
     int keep, fill[3], has_fill;
     frame *f;
 };
@@ -101,7 +102,7 @@ static int agree(const frames *f, int k, errmsg *e)
     return 0;
 }
 
-int frames_open(frames **out, char *const *paths, int n, int64_t memory, const int *fill, errmsg *e)
+int frames_open(frames **out, char *const *paths, int n, int64_t memory, const int *fill, int half, errmsg *e)
 {
     frames *f = calloc(1, sizeof *f);
     if (f)
@@ -109,17 +110,26 @@ int frames_open(frames **out, char *const *paths, int n, int64_t memory, const i
     if (!f || !f->f)
         goto memory;
     f->facts.n = n;
+    f->half = half;
     for (int k = 0; k < n; k++) {
         f->f[k].path = paths[k];
         if (img_reader_open(&f->f[k].r, paths[k], e))
             goto bad;
-        f->f[k].info = *img_reader_info(f->f[k].r);
-        if (agree(f, k, e))
-            goto bad;
-        if (strcmp(f->f[k].info.format, "raw") == 0) { /* its reader holds the whole picture */
+        img_info *i = &f->f[k].info;
+        *i = *img_reader_info(f->f[k].r);
+        int raw = strcmp(i->format, "raw") == 0;
+        if (raw) { /* its reader holds the whole picture */
             img_reader_close(f->f[k].r);
             f->f[k].r = NULL;
         }
+        if (half && !raw) {
+            err_set(e, "%s: expected camera raw with --half-size, found %s", paths[k], i->format);
+            goto bad;
+        }
+        if (half && halfraw_size(&i->width, &i->height, paths[k], e))
+            goto bad;
+        if (agree(f, k, e))
+            goto bad;
     }
     const img_info *i = &f->f[0].info;
     f->facts.width = i->width;
@@ -157,6 +167,19 @@ bad:
     return -1;
 }
 
+int frames_reorder(frames *f, const int *order, errmsg *e)
+{
+    size_t n = (size_t)f->facts.n;
+    frame *was = malloc(n * sizeof *was);
+    if (!was)
+        return err_set(e, "out of memory");
+    memcpy(was, f->f, n * sizeof *was);
+    for (size_t k = 0; k < n; k++)
+        f->f[k] = was[order[k]];
+    free(was);
+    return 0;
+}
+
 /* One row of the reader's floats as codes. */
 static void to_codes(const frames *f, const frame *p, uint16_t *to)
 {
@@ -174,14 +197,29 @@ static void to_codes(const frames *f, const frame *p, uint16_t *to)
             to[0] = to[1] = to[2] = (uint16_t)f->facts.max_code;
 }
 
+static int spool_half(frames *f, frame *p)
+{
+    size_t n = row_codes(f) * (size_t)f->facts.height;
+    uint16_t *rgb = NULL;
+    if (halfraw_read(&rgb, f->facts.width, f->facts.height, p->path, &p->why))
+        return -1;
+    int bad = fwrite(rgb, sizeof *rgb, n, p->spool) != n;
+    free(rgb);
+    if (bad || fflush(p->spool) || fseeko(p->spool, 0, SEEK_SET))
+        return err_errno(&p->why, "%s: temporary file", p->path);
+    return 0;
+}
+
 static int spool_raw(frames *f, frame *p)
 {
     size_t n = row_codes(f);
-    if (img_reader_open(&p->r, p->path, &p->why))
-        return -1;
     p->spool = tmpfile();
     if (!p->spool)
         return err_errno(&p->why, "%s: temporary file", p->path);
+    if (f->half)
+        return spool_half(f, p);
+    if (img_reader_open(&p->r, p->path, &p->why))
+        return -1;
     for (int y = 0; y < f->facts.height; y++) {
         if (img_reader_rows(p->r, p->rows, 1, &p->why))
             return -1;

@@ -23,11 +23,15 @@ typedef struct frames_facts {
 } frames_facts;
 
 /* Open n files; all must agree in size, channels and depth.  memory: bytes of codes that may
- * be kept.  fill: NULL, or the code triple that marks missing pixels (they become max_code). */
-int frames_open(frames **f, char *const *paths, int n, int64_t memory, const int *fill, errmsg *e);
+ * be kept.  fill: NULL, or the code triple that marks missing pixels (they become max_code).  half: camera
+ * raw at half size; other formats are refused then. */
+int frames_open(frames **f, char *const *paths, int n, int64_t memory, const int *fill, int half, errmsg *e);
 void frames_close(frames *f);
 const frames_facts *frames_get_facts(const frames *f);
 const img_info *frames_info(const frames *f, int k);
+
+/* Renumber before the first row is read: exposure k becomes what order[k] was. */
+int frames_reorder(frames *f, const int *order, errmsg *e);
 
 /* Rows per strip that frames_next gives at most. */
 int frames_strip_rows(const frames *f);

@@ -29,21 +29,21 @@ void merge_find_ghosts(const merge *m, int channel, const merge_row *row, uint64
 {
     const merge_channel *ch = &m->ch[channel];
     const int base = (OCTAVES - grid_top_octave) * GRID;
-    int n = m->n < MOST ? m->n : MOST;
     for (int i = 0; i < row->count; i++) {
         voice v[MOST];
         int voices = 0, best = -1, most = 0;
         float strength = 0;
         size_t at = (size_t)i * row->stride;
-        for (int k = 0; k < n; k++) {
+        for (int s = 0; s < m->n && voices < MOST; s++) {
+            int k = m->order[s];
             const codeval *c = &ch->code[row->codes[k][at]];
             float y = c->y - (row->pedestal ? row->pedestal[at] : 0);
-            if (!(c->w > 0) || !(y > 0))
+            if (k >= MOST || !(c->w > 0) || !(y > 0))
                 continue;
             const expectation *e = &ch->expect[clamp_cell(cell_of(y) + base)];
             if (!(e->info > 4)) /* a sample known to worse than a factor of 1.5 contradicts nothing */
                 continue;
-            v[voices++] = (voice){k, y * m->rt[k], e->sd, e->info};
+            v[voices++] = (voice){k, y * m->rt[s], e->sd, e->info};
         }
         for (int a = 0; a < voices; a++) {
             int count = 0;

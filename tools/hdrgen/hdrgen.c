@@ -234,7 +234,10 @@ static void check_usage(int images)
     if (o->read_noise >= 0 && !(o->gain > 0))
         cli_fail(CLI_USAGE, "--read-noise: expected --gain with it, found none");
     size_t n = strlen(set.out.path);
-    int exr = n > 4 && strcmp(set.out.path + n - 4, ".exr") == 0;
+    const char *end = n > 4 ? set.out.path + n - 4 : "";
+    int exr = strcmp(end, ".exr") == 0;
+    if (!exr && strcmp(end, ".hdr") != 0 && strcmp(set.out.path, "-") != 0)
+        cli_fail(CLI_USAGE, "-o: expected a name that ends in .exr or .hdr, found %s", set.out.path);
     if (!exr && (o->want_sigma || o->want_count || set.out.want_flags))
         cli_fail(CLI_USAGE, "--sigma, --count, --flags: expected an output named .exr, found %s", set.out.path);
 }
@@ -258,12 +261,12 @@ int main(int argc, char **argv)
         cli_fail(CLI_FAILED, "%s", e.text);
     if (set.verbose)
         report(&j);
-    if (set.job.refine_times)
-        report_times(&j);
-    summary(&j);
     if ((set.save_response && response_save(&j.response, set.save_response, &e)) ||
         (set.plot && plot_response(&j, set.plot, &e)) || output_write(&j, &set.out, &used, &e))
         cli_fail(CLI_FAILED, "%s", e.text);
+    if (set.job.refine_times)
+        report_times(&j);
+    summary(&j);
     if (used != set.out.type)
         cli_note("%s: values beyond what half can hold: float written", set.out.path);
     free(j.shots);

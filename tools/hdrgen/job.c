@@ -25,6 +25,38 @@ int job_channels(const job *j)
     return j->opts.has_bayer ? 3 : frames_get_facts(j->frames)->channels;
 }
 
+static int earlier(const shot *a, const shot *b)
+{
+    return a->exposure < b->exposure || (a->exposure == b->exposure && strcmp(a->path, b->path) < 0);
+}
+
+/* From here on exposures go from the shortest to the longest, so that the result does not depend on the order
+ * in which the images were named. */
+static int sort_shots(job *j, errmsg *e)
+{
+    size_t n = (size_t)j->n;
+    int *order = malloc(n * sizeof *order), code = -1;
+    shot *was = malloc(n * sizeof *was);
+    if (!order || !was) {
+        err_set(e, "out of memory");
+        goto done;
+    }
+    memcpy(was, j->shots, n * sizeof *was);
+    for (int k = 0; k < j->n; k++) {
+        int at = 0;
+        for (int i = 0; i < j->n; i++)
+            at += earlier(&was[i], &was[k]) || (!earlier(&was[k], &was[i]) && i < k);
+        order[at] = k;
+    }
+    for (int k = 0; k < j->n; k++)
+        j->shots[k] = was[order[k]];
+    code = frames_reorder(j->frames, order, e);
+done:
+    free(order);
+    free(was);
+    return code;
+}
+
 static int load_dark(job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
@@ -56,7 +88,8 @@ int job_open(job *j, const char *times_file, errmsg *e)
         return err_set(e, "out of memory");
     for (int k = 0; k < j->n; k++)
         paths[k] = (char *)(uintptr_t)j->shots[k].path;
-    int bad = frames_open(&j->frames, paths, j->n, j->opts.memory, j->opts.has_fill ? j->opts.fill : NULL, e);
+    int bad = frames_open(&j->frames, paths, j->n, j->opts.memory, j->opts.has_fill ? j->opts.fill : NULL,
+                          j->opts.half_size, e);
     free(paths);
     if (bad)
         return -1;
@@ -73,7 +106,7 @@ int job_open(job *j, const char *times_file, errmsg *e)
         j->shots[0].seconds = 1; /* one picture of unknown time: radiance is relative anyway */
         j->facts.assumed_time = 1;
     }
-    if (shots_resolve(j->shots, j->n, &j->facts.varies, e))
+    if (shots_resolve(j->shots, j->n, &j->facts.varies, e) || sort_shots(j, e))
         return -1;
     if (j->opts.dark && load_dark(j, e))
         return -1;
@@ -188,14 +221,7 @@ int job_calibrate(job *j, errmsg *e)
         if (j->opts.read_noise >= 0)
             j->noise[c].read = o.fixed_noise.read = j->opts.read_noise * given.photon;
     }
-    /* the middle exposure by time is the one held */
-    for (int k = 0; k < j->n; k++) {
-        int shorter = 0;
-        for (int i = 0; i < j->n; i++)
-            shorter += lnt[i] < lnt[k] || (lnt[i] == lnt[k] && i < k);
-        if (shorter == j->n / 2)
-            o.reference = k;
-    }
+    o.reference = j->n / 2; /* by time */
     if (j->n > 1) {
         if (calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
             goto done;

@@ -53,13 +53,13 @@ typedef struct job_facts {
 
 typedef struct job {
     job_opts opts;
-    shot *shots;
+    shot *shots;          /* from the shortest exposure on once job_open is done */
     int n;
     frames *frames;
     response response;
     noise_model noise[RESPONSE_MAX_CHANNELS];
     samples samples;      /* kept for the plot */
-    double *exposure;     /* [n], refined where asked for */
+    double *exposure;     /* [n], like shots; refined where asked for */
     uint16_t *dark;       /* dark frame's codes, like one exposure, or NULL */
     img radiance;
     float *sigma;         /* like radiance.pix, or NULL */

@@ -1,7 +1,7 @@
 /*
  * merge.c - the row kernels.
  *
- * Noise weights: X0 is y/t of the longest exposure that is not clipped; then Fisher-scoring steps of the
+ * Noise weights: X0 is y/t of the longest exposure that is not near clipping; then Fisher-scoring steps of the
  * quasi-likelihood with everything but y taken from X0,
  *
  *     d ln X = sum w(e_k) (y_k/e_k - m(e_k)/e_k) / sum i(e_k),   e_k = X0 t_k,
@@ -13,8 +13,8 @@
  */
 #include "merge.h"
 
+#include <float.h>
 #include <math.h>
-#include <string.h>
 
 #include "merge_internal.h"
 
@@ -52,13 +52,13 @@ static inline int counts(const merge_row *row, int i, int k)
     return !row->reject || k > 63 || !(row->reject[i] >> k & 1u);
 }
 
-/* The longest exposure with a sample inside the scale: place in m->order, or -1. */
+/* The longest exposure with a sample from 1 to top, at place `from` in m->order or later; or -1. */
 static inline int first_inside(const merge *m, const uint16_t *const *codes, const merge_row *row, int i,
-                               size_t at, int with_reject)
+                               size_t at, int with_reject, int from, int top)
 {
-    for (int s = 0; s < m->n; s++) {
+    for (int s = from; s < m->n; s++) {
         int z = codes[s][at];
-        if (z < m->max_code && z > 0 && (!with_reject || counts(row, i, m->order[s])))
+        if (z <= top && z > 0 && (!with_reject || counts(row, i, m->order[s])))
             return s;
     }
     return -1;
@@ -76,9 +76,14 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
         size_t at = (size_t)i * row->stride, to = (size_t)i * row->out_stride;
         float x = 0, sd, dark = with_pedestal ? row->pedestal[at] : 0;
         uint8_t flag = 0, used = 0;
-        int first = first_inside(m, codes, row, i, at, with_reject);
-        if (first >= 0)
-            x = (code[codes[first][at]].y - dark) * m->rt[first];
+        int first = first_inside(m, codes, row, i, at, with_reject, 0, m->max_code - 1), guess = first;
+        /* a camera's clipped pixels may come out a little below the highest code: begin from one that is not near
+         * it, and the longer ones get the weight that its prediction gives them */
+        if (first >= 0 && codes[first][at] > ch->safe)
+            guess = first_inside(m, codes, row, i, at, with_reject, first + 1, ch->safe);
+        guess = guess < 0 ? first : guess;
+        if (guess >= 0)
+            x = (code[codes[guess][at]].y - dark) * m->rt[guess];
         for (int k = 0; with_reject && k < n; k++)
             if (!counts(row, i, k))
                 flag = MERGE_GHOST;
@@ -111,7 +116,10 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
                 if (fabsf(d) < 0.02f)
                     break;
             }
+            if (!(x > 0 && x < FLT_MAX))
+                bound(m, ch, row, i, &x, &sd, &flag);
             sd = info > 1 ? x / sqrtf(info) : x;
+            used = used ? used : 1; /* all are weak, together they say something */
         }
         row->radiance[to] = x;
         if (row->sigma)

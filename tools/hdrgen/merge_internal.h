@@ -27,6 +27,7 @@ typedef struct codeval {
 typedef struct merge_channel {
     codeval *code;      /* [max_code + 1] */
     expectation *expect; /* [CELLS] */
+    int safe;           /* codes up to this are surely not clipped */
     float clip, black;  /* exposures at the edges of the highest code and of code 0 */
 } merge_channel;
 

@@ -11,6 +11,7 @@
 
 #include "merge_internal.h"
 
+static const double safe_share = 0.7;    /* of the exposure that clips */
 static const double most_clipped = 0.05; /* no say for samples more likely clipped than this */
 
 static double normal_cdf(double x)
@@ -37,6 +38,7 @@ static void code_values(merge_channel *ch, const response *r, int c, const noise
         v->wy = (float)(inside && weight == MERGE_DEBEVEC ? w * log(e) : 0);
     }
     ch->clip = (float)response_edge(r, c, top);
+    ch->safe = (int)response_forward(r, c, safe_share * ch->clip);
     ch->black = (float)response_edge(r, c, 1);
 }
 
@@ -107,6 +109,8 @@ static void expectations(merge_channel *ch, const response *r, int c, const nois
         x->info = (float)(e[i] * e[i] * say * slope / var[i]);
         x->mean = (float)(mean[i] / e[i]);
         x->sd = (float)(sqrt(var[i]) / e[i]);
+        if (!isfinite(x->weight) || !isfinite(x->info) || !isfinite(x->mean) || !isfinite(x->sd))
+            *x = (expectation){.mean = 1, .sd = 1}; /* a curve beyond reason: no say */
     }
 }
 

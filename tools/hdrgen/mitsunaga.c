@@ -144,7 +144,10 @@ int mitsunaga_solve(response *r, solve_facts *facts, const samples *s, const dou
             response_free(&got);
             return -1;
         }
-    response_normalise(&got);
+    if (response_normalise(&got)) {
+        response_free(&got);
+        return err_set(e, "the recovered responses of the channels have nothing in common: times or order of the images wrong?");
+    }
     strcpy(got.origin, "mitsunaga");
     *r = got;
     return 0;

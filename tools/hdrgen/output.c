@@ -18,6 +18,20 @@ static int fits_half(const float *p, size_t n)
     return 1;
 }
 
+/* The images' names without folders, blanks between, in the order of the times. */
+static char *image_names(const job *j)
+{
+    size_t need = 1;
+    for (int k = 0; k < j->n; k++)
+        need += strlen(j->shots[k].path) + 1;
+    char *all = malloc(need), *at = all;
+    for (int k = 0; all && k < j->n; k++) {
+        const char *slash = strrchr(j->shots[k].path, '/'), *name = slash ? slash + 1 : j->shots[k].path;
+        at += sprintf(at, "%s%s", k ? " " : "", name);
+    }
+    return all;
+}
+
 static float *bytes_as_floats(const uint8_t *b, size_t n)
 {
     float *f = malloc(n * sizeof *f);
@@ -29,7 +43,7 @@ static float *bytes_as_floats(const uint8_t *b, size_t n)
 int output_write(const job *j, const output_opts *o, output_type *type_used, errmsg *e)
 {
     static const char *const sigma_names[2][3] = {{"sigma.Y"}, {"sigma.R", "sigma.G", "sigma.B"}};
-    enum { MOST_PLANES = 5, ATTRS = 6 };
+    enum { MOST_PLANES = 5, ATTRS = 7 };
     const img_info *i = &j->radiance.info;
     size_t pixels = (size_t)i->width * (size_t)i->height, ch = (size_t)i->channels;
     img_plane planes[MOST_PLANES];
@@ -37,7 +51,8 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
     float *count = j->count ? bytes_as_floats(j->count, pixels) : NULL;
     float *flags = o->want_flags ? bytes_as_floats(j->flags, pixels) : NULL;
     float *times = malloc(sizeof *times * (size_t)j->n), noise[9];
-    if ((j->count && !count) || (o->want_flags && !flags) || !times) {
+    char *names = image_names(j);
+    if ((j->count && !count) || (o->want_flags && !flags) || !times || !names) {
         err_set(e, "%s: out of memory", o->path);
         goto done;
     }
@@ -57,13 +72,14 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
     }
     img_attr attrs[ATTRS] = {
         {.name = "hdrgen:times", .kind = IMG_ATTR_FLOATS, .f = times, .n = j->n},
+        {.name = "hdrgen:images", .kind = IMG_ATTR_STRING, .s = names},
         {.name = "hdrgen:response", .kind = IMG_ATTR_STRING, .s = j->response.origin},
         {.name = "hdrgen:weight", .kind = IMG_ATTR_STRING,
          .s = j->opts.weight == MERGE_DEBEVEC ? "debevec" : "noise"},
         {.name = "hdrgen:noise", .kind = IMG_ATTR_FLOATS, .f = noise, .n = 3 * j->response.channels},
         {.name = "hdrgen:scale", .kind = IMG_ATTR_FLOAT, .v = {j->facts.scale}},
     };
-    int na = 5;
+    int na = 6;
     if (j->opts.patch[2] > 0) /* values are W/sr/m2: 179 lm/W is what white 1 is worth */
         attrs[na++] = (img_attr){.name = "whiteLuminance", .kind = IMG_ATTR_FLOAT, .v = {179}};
     img_write_opts w = {.type = *type_used == OUTPUT_HALF ? IMG_HALF : IMG_FLOAT, .compression = o->compression,
@@ -73,5 +89,6 @@ done:
     free(count);
     free(flags);
     free(times);
+    free(names);
     return code;
 }

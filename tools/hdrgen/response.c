@@ -105,6 +105,8 @@ int response_make_monotone(response *r, int c)
     free(mean);
     free(end);
     f[0] = 0;
+    for (int z = 1; z <= n; z++) /* the darkest codes of a steep toe would leave the range of float */
+        f[z] = fmax(f[z], f[n] * 1e-20);
     for (int z = 1; z <= n; z++)
         if (!(f[z] > f[z - 1] * (1 + 1e-9)))
             f[z] = f[z - 1] * (1 + 1e-9);
@@ -122,8 +124,9 @@ static double hat_mean_log(const response *r, int c)
     return weight > 0 ? sum / weight : log(r->finv[c][r->max_code]);
 }
 
-void response_normalise(response *r)
+int response_normalise(response *r)
 {
+    static const double most = 1e6; /* between the channels' highest codes, and up from their means */
     double gauge[RESPONSE_MAX_CHANNELS], top = 0;
     for (int c = 0; c < r->channels; c++) {
         gauge[c] = hat_mean_log(r, c);
@@ -134,6 +137,10 @@ void response_normalise(response *r)
         for (int z = 0; z <= r->max_code; z++)
             r->finv[c][z] *= scale;
     }
+    for (int c = 0; c < r->channels; c++)
+        if (!(r->finv[c][r->max_code] > 1 / most && r->finv[c][r->max_code] < most))
+            return -1;
+    return 0;
 }
 
 double response_edge(const response *r, int c, int z)

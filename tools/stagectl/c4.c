@@ -1,5 +1,6 @@
 /*
- * c4.c - driver for the Arrick MD-2 stage (the paper's) through its C4 controller.  Inferred, unverified on hardware.
+ * c4.c - driver for the Arrick MD-2 stage (the paper's) through its C4 controller.  Inferred, unverified on
+ * hardware.
  *
  * The controller counts relative half steps and reports no position, so the host counts; after anything
  * that ends a move early the position is unknown until the stage is homed.
@@ -20,7 +21,8 @@ typedef struct c4 {
     long at[2]; /* half steps from home */
 } c4;
 
-static stage_code say(stage *s, const char *text, size_t n, int ignore_interrupt, const char *doing, errmsg *e)
+static stage_code say(stage *s, const char *text, size_t n, int ignore_interrupt, const char *doing,
+                      errmsg *e)
 {
     return stage_port_error(e, port_send(s->port, text, n, now_s() + send_s, ignore_interrupt), doing);
 }
@@ -35,7 +37,8 @@ static stage_code hear(stage *s, char want, double deadline, const char *doing, 
         if (r != PORT_OK) return stage_port_error(e, r, doing);
         if (byte == want) return STAGE_OK;
         if (byte == '\r' || byte == '\n' || byte == ' ' || byte == 0) continue;
-        err_set(e, "stage: expected '%c' while %s, found '%c' (0x%02x)", want, doing, byte, (unsigned)(unsigned char)byte);
+        err_set(e, "stage: expected '%c' while %s, found '%c' (0x%02x)", want, doing, byte,
+                (unsigned)(unsigned char)byte);
         s->position_known = 0;
         return STAGE_REFUSED;
     }
@@ -52,7 +55,8 @@ static stage_code c4_connect(stage *s, errmsg *e)
     }
     for (int a = 0; a < 2; a++) {
         if (!(s->stated_steps_per_mm[a] > 0)) {
-            err_set(e, "stage: expected steps_per_mm for driver c4 (7.874016 direct, 19.68504 with the 2.5:1 reducer)");
+            err_set(e, "stage: expected steps_per_mm for driver c4 (7.874016 direct, 19.68504 with the 2.5:1 "
+                       "reducer)");
             return STAGE_REFUSED;
         }
         s->facts.steps_per_mm[a] = s->stated_steps_per_mm[a];
@@ -167,6 +171,14 @@ static void c4_release(stage *s)
 }
 
 const stage_driver stage_driver_c4 = {
-    .name = "c4", .about = "Arrick MD-2 through its C4 controller, 9600 baud (inferred, unverified on hardware)",
-    .baud = C4_BAUD, .connect = c4_connect, .home = c4_home, .go = c4_go, .where = c4_where,
-    .check = c4_check, .halt = c4_halt, .assume = c4_assume, .release = c4_release};
+    .name = "c4",
+    .about = "Arrick MD-2 through its C4 controller, 9600 baud (inferred, unverified on hardware)",
+    .baud = C4_BAUD,
+    .connect = c4_connect,
+    .home = c4_home,
+    .go = c4_go,
+    .where = c4_where,
+    .check = c4_check,
+    .halt = c4_halt,
+    .assume = c4_assume,
+    .release = c4_release};

@@ -31,7 +31,8 @@ static _Noreturn void become(const argwords *argv, const camera_limits *l, pid_t
     if (l->lock_fd >= 0) fcntl(l->lock_fd, F_SETFD, 0);
     execvp(argv->word[0], argv->word);
     int why = errno;
-    if (write(report, &why, sizeof why) < 0) {}
+    if (write(report, &why, sizeof why) < 0) {
+    }
     _exit(127);
 }
 
@@ -48,11 +49,27 @@ static void last_words(char out[200], int fd, off_t from)
     snprintf(out, 200, "%.*s", n > start ? (int)(n - start) : 0, buf + start);
 }
 
+/* Does the log hold the text after byte `from`?  Read in pieces that overlap. */
+static int said(int fd, off_t from, const char *text)
+{
+    char buf[8192];
+    size_t len = strlen(text), kept = 0;
+    if (len == 0 || len >= sizeof buf / 2) return 0;
+    for (ssize_t n; (n = pread(fd, buf + kept, sizeof buf - kept, from)) > 0; from += n) {
+        size_t have = kept + (size_t)n;
+        if (memmem(buf, have, text, len)) return 1;
+        kept = have < len ? have : len - 1;
+        memmove(buf, buf + have - kept, kept);
+    }
+    return 0;
+}
+
 /* Wait until the process has ended (not reaped yet), an interrupt, or the deadline: 1, -1, 0. */
 static int wait_end(int pidfd, double deadline, int heed_interrupt)
 {
     for (;;) {
-        struct pollfd f[2] = {{.fd = pidfd, .events = POLLIN}, {.fd = heed_interrupt ? signals_fd() : -1, .events = POLLIN}};
+        struct pollfd f[2] = {{.fd = pidfd, .events = POLLIN},
+                              {.fd = heed_interrupt ? signals_fd() : -1, .events = POLLIN}};
         int n = poll(f, 2, left_ms(deadline));
         signals_answer();
         if (n < 0 && errno == EINTR) continue;
@@ -79,12 +96,14 @@ static int start(pid_t *pid, int *pidfd, const argwords *argv, const camera_limi
     setpgid(*pid, *pid); /* whoever is first; the group is there before any kill */
     *pidfd = (int)syscall(SYS_pidfd_open, *pid, 0);
     ssize_t n;
-    while ((n = read(report[0], &why, sizeof why)) < 0 && errno == EINTR) {}
+    while ((n = read(report[0], &why, sizeof why)) < 0 && errno == EINTR) {
+    }
     close(report[0]);
     if (n == (ssize_t)sizeof why || *pidfd < 0) {
         int no_pidfd = *pidfd < 0 ? errno : 0;
         kill(*pid, SIGKILL);
-        while (waitpid(*pid, NULL, 0) < 0 && errno == EINTR) {}
+        while (waitpid(*pid, NULL, 0) < 0 && errno == EINTR) {
+        }
         if (*pidfd >= 0) close(*pidfd);
         errno = n == (ssize_t)sizeof why ? why : no_pidfd;
         return err_errno(e, "camera: %s", argv->word[0]);
@@ -105,7 +124,8 @@ camera_result camera_run(const argwords *argv, const camera_limits *l, errmsg *e
         ended = wait_end(pidfd, now_s() + l->kill_after_s, 0);
     }
     kill(-pid, SIGKILL); /* it, or what it has left behind: nothing of it may run while the stage moves */
-    while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {}
+    while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+    }
     close(pidfd);
     if (reason == -1) {
         err_set(e, "interrupted while exposing");
@@ -119,6 +139,8 @@ camera_result camera_run(const argwords *argv, const camera_limits *l, errmsg *e
         err_set(e, "camera: ended by signal %d%s%s", WTERMSIG(status), words[0] ? ": " : "", words);
     else if (WEXITSTATUS(status) != 0)
         err_set(e, "camera: exit code %d%s%s", WEXITSTATUS(status), words[0] ? ": " : "", words);
+    else if (said(l->log_fd, log_from, l->error_text))
+        err_set(e, "camera: it said '%s': %s", l->error_text, words);
     else
         return CAMERA_OK;
     return CAMERA_FAILED;

@@ -21,7 +21,8 @@ static void show(capture_run *r, const char *doing)
 {
     long left = r->now.places - r->now.places_done;
     r->now.doing = doing;
-    if (r->places_this_run > 0) r->now.left_s = (now_s() - r->started_s) / (double)r->places_this_run * (double)left;
+    if (r->places_this_run > 0)
+        r->now.left_s = (now_s() - r->started_s) / (double)r->places_this_run * (double)left;
     if (r->progress) r->progress(&r->now);
 }
 
@@ -46,8 +47,8 @@ static int next_exposure(const capture_run *r, const journal_place *p)
     return -1;
 }
 
-/* The list of times that hdrgen reads; its presence tells make that the place is done.  Written if the place is only
- * now done, or the file is not there. */
+/* The list of times that hdrgen reads; its presence tells make that the place is done.  Written if the place
+ * is only now done, or the file is not there. */
 static int write_times(const capture_run *r, const place *p, errmsg *e)
 {
     const session *s = r->s;
@@ -112,7 +113,8 @@ static stage_code open_files(capture_run *r, errmsg *e)
     char path[4096];
     if (files_join(path, sizeof path, r->s->folder, ".camera", e) != 0) return STAGE_FAILED;
     r->camera_lock_fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    if (r->camera_lock_fd >= 0 && files_join(path, sizeof path, r->s->folder, "camera.log", e) != 0) return STAGE_FAILED;
+    if (r->camera_lock_fd >= 0 && files_join(path, sizeof path, r->s->folder, "camera.log", e) != 0)
+        return STAGE_FAILED;
     if (r->camera_lock_fd >= 0) r->log_fd = open(path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
     if (r->camera_lock_fd < 0 || r->log_fd < 0) {
         err_errno(e, "%s", path);
@@ -129,7 +131,8 @@ static int check_travel(const capture_run *r, errmsg *e)
     int stated = t[0] < t[1] || t[2] < t[3];
     if (f->has_travel && plan_check_travel(s, f->lo, f->hi, e) != 0) return -1;
     if (stated) return plan_check_travel(s, lo, hi, e);
-    if (!f->has_travel && r->say) r->say("travel not checked: the controller doesn't say and [stage] travel is not given");
+    if (!f->has_travel && r->say)
+        r->say("travel not checked: the controller doesn't say and [stage] travel is not given");
     return 0;
 }
 
@@ -146,8 +149,8 @@ static stage_code ready_stage(capture_run *r, errmsg *e)
     if (c != STAGE_OK) return c;
     const double *before = journal_steps(r->j), *now = st->facts.steps_per_mm;
     if (before && (before[0] != now[0] || before[1] != now[1])) {
-        err_set(e, "stage: expected %g x %g steps/mm as when the session began, found %g x %g", before[0], before[1], now[0],
-                now[1]);
+        err_set(e, "stage: expected %g x %g steps/mm as when the session began, found %g x %g", before[0],
+                before[1], now[0], now[1]);
         return STAGE_FAILED;
     }
     if (!before && journal_set_steps(r->j, now, e) != 0) return STAGE_FAILED;
@@ -158,7 +161,9 @@ static stage_code ready_stage(capture_run *r, errmsg *e)
         return STAGE_OK;
     }
     if (!s->home) {
-        err_set(e, "stage: the session has home = no: resume with --assume-position if the stage has kept its zero");
+        err_set(
+            e,
+            "stage: the session has home = no: resume with --assume-position if the stage has kept its zero");
         return STAGE_FAILED;
     }
     show(r, "homing");
@@ -223,7 +228,8 @@ static stage_code all_places(capture_run *r, errmsg *e)
     return STAGE_OK;
 }
 
-/* After an end before its time: the stage must not go on moving.  What the session ended for stays the reason. */
+/* After an end before its time: the stage must not go on moving.  What the session ended for stays the
+ * reason. */
 static void leave_stage_still(capture_run *r, stage_code why)
 {
     stage *st = r->stage;
@@ -231,8 +237,10 @@ static void leave_stage_still(capture_run *r, stage_code why)
     if (!st->port || why == STAGE_GONE) return;
     if (why == STAGE_INTERRUPTED) signals_acknowledge();
     stage_code c = st->driver->halt(st, &words);
-    if (c != STAGE_OK && c != STAGE_INTERRUPTED && r->say) r->say(words.text);
-    else if (!st->position_known && r->say) r->say("stage: its position is lost");
+    if (c != STAGE_OK && c != STAGE_INTERRUPTED && r->say)
+        r->say(words.text);
+    else if (!st->position_known && r->say)
+        r->say("stage: its position is lost");
 }
 
 stage_code capture_all(capture_run *r, errmsg *e)

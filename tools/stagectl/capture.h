@@ -1,11 +1,12 @@
 /*
  * capture.h - a session from its journal to its end.
  *
- * The order for each exposure, so that any end can be gone on from: camera writes a temporary file -> it is looked at ->
- * journal -> both synced -> rename.  For each place: journal "begin" -> move -> "arrived" -> exposures -> list of times ->
- * "done".  A sync costs 5 to 30 ms on a plain disk, several times the rest of the work, so those of quick exposures are
- * shared: at most a second of finished work, and never more than a place, waits for its sync and its final name.  A killed
- * run loses none of it (the next run does the renaming); a power cut may.
+ * The order for each exposure, so that any end can be gone on from: camera writes a temporary file -> it is
+ * looked at -> journal -> both synced -> rename.  For each place: journal "begin" -> move -> "arrived" ->
+ * exposures -> list of times -> "done".  A sync costs 5 to 30 ms on a plain disk, several times the rest of
+ * the work, so those of quick exposures are shared: at most a second of finished work, and never more than a
+ * place, waits for its sync and its final name.  A killed run loses none of it (the next run does the
+ * renaming); a power cut may.
  */
 #ifndef CAPTURE_H
 #define CAPTURE_H
@@ -25,17 +26,17 @@ typedef struct capture_progress {
 typedef struct capture_run {
     const session *s;
     journal *j;
-    stage *stage;              /* open() fills it on first need */
+    stage *stage; /* open() fills it on first need */
     const char *port;
     int assume_position;
-    void (*say)(const char *words);                  /* for the user, one line; may be NULL */
-    void (*progress)(const capture_progress *p);     /* after each step; may be NULL */
+    void (*say)(const char *words);              /* for the user, one line; may be NULL */
+    void (*progress)(const capture_progress *p); /* after each step; may be NULL */
     capture_progress now;
-    long shots_left_out;       /* auto: exposures that no place needed */
-    long shots_taken;          /* in this run */
+    long shots_left_out; /* auto: exposures that no place needed */
+    long shots_taken;    /* in this run */
     /* the capture's own */
     int log_fd, camera_lock_fd;
-    place pending_at;               /* recorded but not synced and renamed yet: these exposures of this place */
+    place pending_at; /* recorded but not synced and renamed yet: these exposures of this place */
     int pending[EXPOSURES_MAX], n_pending;
     double committed_s;
     long serial;
@@ -44,11 +45,12 @@ typedef struct capture_run {
     int guess;
 } capture_run;
 
-/* Compare the files with the journal.  full: read them all; else those whose size and time are as recorded count as
- * right.  With repair, files caught between journal and rename are renamed, left-over temporary files removed, and
- * missing or changed ones struck off so that they are taken again.  tell is called for each thing amiss.
- * Returns how many were amiss, or -1. */
-long reconcile(journal *j, const session *s, int full, int repair, void (*tell)(const char *words), errmsg *e);
+/* Compare the files with the journal.  full: read them all; else those whose size and time are as recorded
+ * count as right.  With repair, files caught between journal and rename are renamed, left-over temporary
+ * files removed, and missing or changed ones struck off so that they are taken again.  tell is called for
+ * each thing amiss. Returns how many were amiss, or -1. */
+long reconcile(journal *j, const session *s, int full, int repair, void (*tell)(const char *words),
+               errmsg *e);
 
 /* Sync, then give the pending exposures their names. */
 int shots_commit(capture_run *r, errmsg *e);

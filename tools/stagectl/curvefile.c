@@ -91,7 +91,8 @@ int curve_load_falloff(curve3 *out, const char *path, errmsg *e)
     for (int i = 0; i < c.n; i++)
         for (int k = 0; k < 3; k++)
             if (!(c.y[i][k] > 0)) {
-                err_set(e, "%s: expected falloff above zero at %g degrees, found %g", path, c.x[i], c.y[i][k]);
+                err_set(e, "%s: expected falloff above zero at %g degrees, found %g", path, c.x[i],
+                        c.y[i][k]);
                 curve_free(&c);
                 return -1;
             }

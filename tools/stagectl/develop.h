@@ -29,14 +29,14 @@ typedef enum response_kind { RESPONSE_LINEAR, RESPONSE_SRGB, RESPONSE_GAMMA, RES
 typedef struct development {
     const curve3 *falloff; /* relative brightness against degrees from the axis; NULL = none */
     response_kind response;
-    double gamma;             /* RESPONSE_GAMMA: f(x) = x^(1/gamma) */
-    const curve3 *table;      /* RESPONSE_TABLE: relative exposure against code, 0..1 */
-    double full_scale;        /* R, W/(sr m2) s: radiance x time that just saturates */
-    double full_well;         /* F, electrons */
-    double read_noise;        /* E, electrons rms */
-    int noise;                /* 0: no photon and read noise */
-    int bits;                 /* 1..16 */
-    uint64_t seed;            /* with node and exposure */
+    double gamma;        /* RESPONSE_GAMMA: f(x) = x^(1/gamma) */
+    const curve3 *table; /* RESPONSE_TABLE: relative exposure against code, 0..1 */
+    double full_scale;   /* R, W/(sr m2) s: radiance x time that just saturates */
+    double full_well;    /* F, electrons */
+    double read_noise;   /* E, electrons rms */
+    int noise;           /* 0: no photon and read noise */
+    int bits;            /* 1..16 */
+    uint64_t seed;       /* with node and exposure */
 } development;
 
 /* Response curve, x and result in 0..1. */

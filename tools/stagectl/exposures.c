@@ -13,11 +13,13 @@ static int parse_range(double *s, int *n, const char *text, errmsg *e)
     double a, b, stops;
     if (sscanf(text, "from %63s to %63s step %63s %c", from, to, step, &rest) != 3)
         return err_set(e, "expected 'from A to B step S' or a list of seconds, found '%s'", text);
-    if (cli_parse_double(&a, from, e) || cli_parse_double(&b, to, e) || cli_parse_double(&stops, step, e)) return -1;
+    if (cli_parse_double(&a, from, e) || cli_parse_double(&b, to, e) || cli_parse_double(&stops, step, e))
+        return -1;
     if (!(a > 0 && b >= a && stops > 0))
         return err_set(e, "expected 0 < A <= B and a step above 0 stops, found '%s'", text);
     double count = floor(log2(b / a) / stops + 1e-6) + 1;
-    if (count > EXPOSURES_MAX) return err_set(e, "expected at most %d exposures, found %.0f", EXPOSURES_MAX, count);
+    if (count > EXPOSURES_MAX)
+        return err_set(e, "expected at most %d exposures, found %.0f", EXPOSURES_MAX, count);
     for (*n = 0; *n < (int)count; ++*n) s[*n] = a * exp2(*n * stops);
     return 0;
 }

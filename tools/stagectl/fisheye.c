@@ -22,10 +22,11 @@ int fisheye_make(fisheye *f, const char *lens, double fov_deg, int size, errmsg 
     size_t k = 0, n = sizeof lenses / sizeof lenses[0];
     while (k < n && strcmp(lens, lenses[k].name) != 0) k++;
     if (k == n)
-        return err_set(e, "lens: expected equidistant, equisolid, stereographic or orthographic, found '%s'", lens);
+        return err_set(e, "lens: expected equidistant, equisolid, stereographic or orthographic, found '%s'",
+                       lens);
     if (!(fov_deg > 0 && fov_deg <= lenses[k].max_fov_deg))
-        return err_set(e, "field of view: expected 0 < degrees <= %g for a %s lens, found %g", lenses[k].max_fov_deg,
-                       lens, fov_deg);
+        return err_set(e, "field of view: expected 0 < degrees <= %g for a %s lens, found %g",
+                       lenses[k].max_fov_deg, lens, fov_deg);
     if (size < 2 || size > 8192) return err_set(e, "size: expected 2..8192 pixels, found %d", size);
     f->lens = (fisheye_lens)k;
     f->half_fov = fov_deg * M_PI / 360;
@@ -37,15 +38,20 @@ double fisheye_theta(const fisheye *f, double rho)
 {
     double h = f->half_fov;
     switch (f->lens) {
-    case LENS_EQUISOLID: return 2 * asin(fmin(1, rho * sin(h / 2)));
-    case LENS_STEREOGRAPHIC: return 2 * atan(rho * tan(h / 2));
-    case LENS_ORTHOGRAPHIC: return asin(fmin(1, rho * sin(h)));
-    case LENS_EQUIDISTANT: break;
+    case LENS_EQUISOLID:
+        return 2 * asin(fmin(1, rho * sin(h / 2)));
+    case LENS_STEREOGRAPHIC:
+        return 2 * atan(rho * tan(h / 2));
+    case LENS_ORTHOGRAPHIC:
+        return asin(fmin(1, rho * sin(h)));
+    case LENS_EQUIDISTANT:
+        break;
     }
     return rho * h;
 }
 
-int fisheye_direction(double d[3], double *theta_rad, const fisheye *f, const camera_frame *c, double x, double y)
+int fisheye_direction(double d[3], double *theta_rad, const fisheye *f, const camera_frame *c, double x,
+                      double y)
 {
     double half = f->size / 2.0, px = (x - half) / half, py = (half - y) / half;
     double rho = hypot(px, py);

@@ -13,7 +13,12 @@
 
 #include "errmsg.h"
 
-typedef enum fisheye_lens { LENS_EQUIDISTANT, LENS_EQUISOLID, LENS_STEREOGRAPHIC, LENS_ORTHOGRAPHIC } fisheye_lens;
+typedef enum fisheye_lens {
+    LENS_EQUIDISTANT,
+    LENS_EQUISOLID,
+    LENS_STEREOGRAPHIC,
+    LENS_ORTHOGRAPHIC
+} fisheye_lens;
 
 typedef struct fisheye {
     fisheye_lens lens;
@@ -33,7 +38,8 @@ double fisheye_theta(const fisheye *f, double rho);
 
 /* Unit direction in world space at picture point (x, y) in pixels; *theta_rad may be NULL.
  * Returns 0 outside the image circle, else 1. */
-int fisheye_direction(double d[3], double *theta_rad, const fisheye *f, const camera_frame *c, double x, double y);
+int fisheye_direction(double d[3], double *theta_rad, const fisheye *f, const camera_frame *c, double x,
+                      double y);
 
 /* The plane rectangle O, U, V (contract, section 1) as a frame at grid node (i, j) of n x m ... */
 int camera_at_node(camera_frame *c, const double plane[9], const int grid[2], const int node[2], errmsg *e);

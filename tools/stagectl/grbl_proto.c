@@ -63,8 +63,8 @@ static const char *const alarms[] = {
 static const struct {
     const char *name;
     grbl_state state;
-} states[] = {{"Idle", GRBL_IDLE}, {"Run", GRBL_RUN}, {"Hold", GRBL_HOLDING}, {"Jog", GRBL_JOG},
-              {"Home", GRBL_HOMING}, {"Alarm", GRBL_ALARMED}, {"Check", GRBL_CHECK}, {"Door", GRBL_DOOR},
+} states[] = {{"Idle", GRBL_IDLE},   {"Run", GRBL_RUN},       {"Hold", GRBL_HOLDING}, {"Jog", GRBL_JOG},
+              {"Home", GRBL_HOMING}, {"Alarm", GRBL_ALARMED}, {"Check", GRBL_CHECK},  {"Door", GRBL_DOOR},
               {"Sleep", GRBL_SLEEP}, {"Tool", GRBL_TOOL}};
 
 const char *grbl_error_words(int n)

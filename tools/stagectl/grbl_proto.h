@@ -12,8 +12,8 @@ enum { GRBL_AXES = 6, GRBL_BAUD = 115200, GRBL_LINE_MAX = 79 };
 
 /* Real-time bytes: acted upon at once, outside the line protocol. */
 #define GRBL_STATUS_QUERY '?'
-#define GRBL_HOLD '!'
-#define GRBL_RESET 0x18
+#define GRBL_HOLD         '!'
+#define GRBL_RESET        0x18
 
 typedef enum grbl_kind {
     GRBL_OK,
@@ -28,21 +28,31 @@ typedef enum grbl_kind {
 } grbl_kind;
 
 typedef enum grbl_state {
-    GRBL_IDLE, GRBL_RUN, GRBL_HOLDING, GRBL_HELD, GRBL_JOG, GRBL_HOMING, GRBL_ALARMED, GRBL_CHECK, GRBL_DOOR,
-    GRBL_SLEEP, GRBL_TOOL, GRBL_OTHER
+    GRBL_IDLE,
+    GRBL_RUN,
+    GRBL_HOLDING,
+    GRBL_HELD,
+    GRBL_JOG,
+    GRBL_HOMING,
+    GRBL_ALARMED,
+    GRBL_CHECK,
+    GRBL_DOOR,
+    GRBL_SLEEP,
+    GRBL_TOOL,
+    GRBL_OTHER
 } grbl_state;
 
 typedef struct grbl_message {
     grbl_kind kind;
-    int number;       /* error, alarm, setting */
-    double value;     /* setting */
-    int supported;    /* banner */
-    grbl_state state; /* status; GRBL_HELD = hold complete */
-    int axes;         /* status: axes in pos */
-    int is_work;      /* status: pos is the work position, not the machine's */
+    int number;                               /* error, alarm, setting */
+    double value;                             /* setting */
+    int supported;                            /* banner */
+    grbl_state state;                         /* status; GRBL_HELD = hold complete */
+    int axes;                                 /* status: axes in pos */
+    int is_work;                              /* status: pos is the work position, not the machine's */
     double pos[GRBL_AXES], offset[GRBL_AXES]; /* as reported: mm, or inches with $13=1 */
-    int has_offset;   /* status carried WCO: machine = work + offset */
-    const char *text; /* points into the line */
+    int has_offset;                           /* status carried WCO: machine = work + offset */
+    const char *text;                         /* points into the line */
 } grbl_message;
 
 /* Understand one line (no line end). */

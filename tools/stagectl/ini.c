@@ -55,7 +55,8 @@ int ini_parse(char *text, const char *name, ini_fn *take, void *arg, errmsg *e)
         size_t n = strlen(s);
         if (n == 0 || *s == '#' || *s == ';') continue;
         if (*s == '[') {
-            if (s[n - 1] != ']' || n - 2 >= sizeof section) return err_set(e, "%s:%d: expected [section]", name, here);
+            if (s[n - 1] != ']' || n - 2 >= sizeof section)
+                return err_set(e, "%s:%d: expected [section]", name, here);
             s[n - 1] = 0;
             strcpy(section, trim(s + 1));
             continue;
@@ -64,10 +65,12 @@ int ini_parse(char *text, const char *name, ini_fn *take, void *arg, errmsg *e)
         if (!eq) return err_set(e, "%s:%d: expected 'key = value', found '%s'", name, here, s);
         *eq = 0;
         char *key = trim(s), *value = trim(eq + 1);
-        if (!is_name(key)) return err_set(e, "%s:%d: expected a key of letters, digits and _, found '%s'", name, here, key);
+        if (!is_name(key))
+            return err_set(e, "%s:%d: expected a key of letters, digits and _, found '%s'", name, here, key);
         next = join(value, next, &line);
         errmsg why;
-        if (take(arg, section, key, value, here, &why) != 0) return err_set(e, "%s:%d: %s", name, here, why.text);
+        if (take(arg, section, key, value, here, &why) != 0)
+            return err_set(e, "%s:%d: %s", name, here, why.text);
     }
     return 0;
 }

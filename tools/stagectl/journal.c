@@ -99,8 +99,8 @@ static int replay(journal *j, const char *w)
         p->arrived[1] = j->last[1] = y;
         return 0;
     }
-    if (sscanf(w, "shot %d %d %d %" SCNd64 " %" SCNd64 " %64s %lf %lf %39s", &i, &jj, &k, &t.size, &t.mtime_ns,
-               t.digest, &t.clip, &t.black, t.temp) == 9)
+    if (sscanf(w, "shot %d %d %d %" SCNd64 " %" SCNd64 " %64s %lf %lf %39s", &i, &jj, &k, &t.size,
+               &t.mtime_ns, t.digest, &t.clip, &t.black, t.temp) == 9)
         return note_shot(j, node(j, i, jj), k, &t);
     if (sscanf(w, "done %d %d%n", &i, &jj, &at) == 2 && !w[at] && node(j, i, jj)) {
         node(j, i, jj)->done = 1;
@@ -144,14 +144,17 @@ static int append(journal *j, errmsg *e, const char *fmt, ...)
     for (const char *p = line; left > 0 && !bad;) {
         ssize_t w = write(j->fd, p, left);
         if (w < 0 && errno == EINTR) continue;
-        if (w < 0) bad = err_errno(e, "%s", j->path);
+        if (w < 0)
+            bad = err_errno(e, "%s", j->path);
         else {
             p += w;
             left -= (size_t)w;
         }
     }
-    if (!bad) j->length += n + 10;
-    else if (ftruncate(j->fd, j->length) != 0) return bad; /* half a record must not stand before the next */
+    if (!bad)
+        j->length += n + 10;
+    else if (ftruncate(j->fd, j->length) != 0)
+        return bad; /* half a record must not stand before the next */
     return bad;
 }
 
@@ -189,8 +192,10 @@ static int same_plan(journal *j, const char *words, errmsg *e)
         identity_line(now, sizeof now, j->s, k);
         if (strncmp(now, words, 5 + name + 1) != 0) continue;
         if (!strcmp(now, words)) return 0;
-        return err_set(e, "%s: the plan has changed: %.*s was '%.200s', is '%.200s'; use another folder for another plan",
-                       j->path, (int)name, words + 5, words + 6 + name, now + 6 + name);
+        return err_set(
+            e,
+            "%s: the plan has changed: %.*s was '%.200s', is '%.200s'; use another folder for another plan",
+            j->path, (int)name, words + 5, words + 6 + name, now + 6 + name);
     }
     return err_set(e, "%s: the plan has changed: %.*s is unknown", j->path, (int)name, words + 5);
 }
@@ -251,7 +256,8 @@ static int lock_folder(journal *j, errmsg *e)
     if (asprintf(&path, "%s/.lock", j->s->folder) < 0) return err_set(e, "out of memory");
     j->lock_fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
     int bad = 0;
-    if (j->lock_fd < 0) bad = err_errno(e, "%s", path);
+    if (j->lock_fd < 0)
+        bad = err_errno(e, "%s", path);
     else if (flock(j->lock_fd, LOCK_EX | LOCK_NB) != 0)
         bad = err_set(e, "%s: the session is in use by another stagectl", j->s->folder);
     free(path);
@@ -335,8 +341,8 @@ int journal_arrived(journal *j, int i, int jj, const double xy[2], errmsg *e)
 int journal_shot_taken(journal *j, int i, int jj, int k, const journal_shot *t, const char *name, errmsg *e)
 {
     if (note_shot(j, journal_at(j, i, jj), k, t) != 0) return err_set(e, "out of memory");
-    return append(j, e, "shot %d %d %d %" PRId64 " %" PRId64 " %s %.6g %.6g %s %s", i, jj, k, t->size, t->mtime_ns,
-                  t->digest, t->clip, t->black, t->temp, name);
+    return append(j, e, "shot %d %d %d %" PRId64 " %" PRId64 " %s %.6g %.6g %s %s", i, jj, k, t->size,
+                  t->mtime_ns, t->digest, t->clip, t->black, t->temp, name);
 }
 
 int journal_done(journal *j, int i, int jj, errmsg *e)

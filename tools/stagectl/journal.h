@@ -1,7 +1,8 @@
 /*
  * journal.h - what has been done, so that any end can be gone on from.
  *
- * A text file, only ever appended to.  Each line is one record: eight hex digits of CRC-32, a blank, the words.
+ * A text file, only ever appended to.  Each line is one record: eight hex digits of CRC-32, a blank, the
+ * words.
  *
  *   stagectl-journal 1            first
  *   plan SECTION.KEY VALUE        the plan's identity, one line a key
@@ -13,9 +14,9 @@
  *                                 exposure K is on disk under the name TEMP and about to be renamed to NAME
  *   done I J                      the place is finished
  *
- * The shot is recorded, and record and file are synced, before the rename: whatever happens between the two, the next
- * run finds either the whole file under its name or the whole file under the temporary one, and the digest tells.
- * A torn last line is dropped; a bad line before the last is damage and refused.
+ * The shot is recorded, and record and file are synced, before the rename: whatever happens between the two,
+ * the next run finds either the whole file under its name or the whole file under the temporary one, and the
+ * digest tells. A torn last line is dropped; a bad line before the last is damage and refused.
  */
 #ifndef JOURNAL_H
 #define JOURNAL_H
@@ -28,11 +29,11 @@ typedef struct journal journal;
 
 typedef struct journal_shot {
     int taken;
-    int64_t size;      /* bytes */
+    int64_t size; /* bytes */
     int64_t mtime_ns;
-    char digest[65];   /* SHA-256 */
+    char digest[65];    /* SHA-256 */
     double clip, black; /* shares of the pixels */
-    char temp[40];     /* name of the temporary file in the session's folder */
+    char temp[40];      /* name of the temporary file in the session's folder */
 } journal_shot;
 
 typedef struct journal_place {
@@ -42,27 +43,29 @@ typedef struct journal_place {
     journal_shot *shot; /* exposures of them; NULL before the first */
 } journal_place;
 
-/* Open or begin the journal of a session in its folder, which must exist.  Refuses a plan that differs from the
- * one it was begun with, naming the difference, and a session that another process is at work on.
+/* Open or begin the journal of a session in its folder, which must exist.  Refuses a plan that differs from
+ * the one it was begun with, naming the difference, and a session that another process is at work on.
  * readonly: for verify and status; no lock, no writing, and the journal has to be there. */
 int journal_open(journal **j, const session *s, int readonly, errmsg *e);
 void journal_close(journal *j); /* NULL allowed */
 
 /* Its places, nodes[0] * nodes[1] of them, by i + j * nodes[0]. */
 journal_place *journal_at(journal *j, int i, int jj);
-long journal_shots(const journal *j);    /* exposures on record and not struck off */
-int journal_dropped(const journal *j);   /* 1: a torn last line was dropped */
-const double *journal_steps(const journal *j); /* steps/mm; NULL = not on record yet */
+long journal_shots(const journal *j);                 /* exposures on record and not struck off */
+int journal_dropped(const journal *j);                /* 1: a torn last line was dropped */
+const double *journal_steps(const journal *j);        /* steps/mm; NULL = not on record yet */
 const double *journal_last_arrived(const journal *j); /* NULL = never */
 
-/* Append.  They keep what journal_at gives in step.  A record survives the end of this process at once, and a power cut from
- * the next journal_sync on, which also makes everything durable that was written to the folder before. */
+/* Append.  They keep what journal_at gives in step.  A record survives the end of this process at once, and a
+ * power cut from the next journal_sync on, which also makes everything durable that was written to the folder
+ * before. */
 int journal_sync(journal *j, errmsg *e);
 int journal_run(journal *j, errmsg *e);
 int journal_set_steps(journal *j, const double steps[2], errmsg *e);
 int journal_begin(journal *j, int i, int jj, errmsg *e);
 int journal_arrived(journal *j, int i, int jj, const double xy[2], errmsg *e);
-int journal_shot_taken(journal *j, int i, int jj, int k, const journal_shot *shot, const char *name, errmsg *e);
+int journal_shot_taken(journal *j, int i, int jj, int k, const journal_shot *shot, const char *name,
+                       errmsg *e);
 int journal_done(journal *j, int i, int jj, errmsg *e);
 
 #endif

@@ -16,7 +16,10 @@ static int inside(const char *name, errmsg *e)
         bad |= (p == name || p[-1] == '/') && (*p == '.' || *p == '/');
         bad |= (unsigned char)*p < 0x20 || *p == '"';
     }
-    return bad ? err_set(e, "expected a name below the folder, no part of it empty or beginning with a dot, found '%s'", name)
+    return bad ? err_set(e,
+                         "expected a name below the folder, no part of it empty or beginning with a dot, "
+                         "found '%s'",
+                         name)
                : 0;
 }
 
@@ -50,15 +53,16 @@ static int quote(char *out, size_t room, const char *s)
         if (*s == '\'') {
             memcpy(out + n, "'\\''", 4);
             n += 4;
-        } else out[n++] = *s;
+        } else
+            out[n++] = *s;
     }
     out[n++] = '\'';
     out[n] = 0;
     return 0;
 }
 
-int name_command(argwords *argv, const session *s, const place *p, const double arrived[2], int k, const char *file,
-                 errmsg *e)
+int name_command(argwords *argv, const session *s, const place *p, const double arrived[2], int k,
+                 const char *file, errmsg *e)
 {
     char x[8][40], quoted[2 * NAME_ROOM + 4096], *word = malloc(WORD_ROOM);
     double measured[2];
@@ -73,10 +77,23 @@ int name_command(argwords *argv, const session *s, const place *p, const double 
     number(x[5], arrived[1]);
     number(x[6], s->exposure[k]);
     int bad = word ? 0 : err_set(e, "out of memory");
-    if (!bad && s->shell && quote(quoted, sizeof quoted, file) != 0) bad = err_set(e, "%s: the name is too long", file);
-    const template_var v[] = {{"file", s->shell ? quoted : file, 0}, {"seconds", x[6], 0}, {"x", x[0], 0}, {"y", x[1], 0},
-                              {"ax", x[2], 0}, {"ay", x[3], 0}, {"mx", x[4], 0}, {"my", x[5], 0},
-                              {"i", NULL, p->i}, {"j", NULL, p->j}, {"k", NULL, k}, {0}};
+    if (!bad && s->shell && quote(quoted, sizeof quoted, file) != 0)
+        bad = err_set(e, "%s: the name is too long", file);
+    argwords labels = {0};
+    if (!bad) bad = argwords_split(&labels, s->labels, e);
+    const template_var v[] = {{"label", labels.n > k ? labels.word[k] : "", 0},
+                              {"file", s->shell ? quoted : file, 0},
+                              {"seconds", x[6], 0},
+                              {"x", x[0], 0},
+                              {"y", x[1], 0},
+                              {"ax", x[2], 0},
+                              {"ay", x[3], 0},
+                              {"mx", x[4], 0},
+                              {"my", x[5], 0},
+                              {"i", NULL, p->i},
+                              {"j", NULL, p->j},
+                              {"k", NULL, k},
+                              {0}};
     whole.word = one;
     argwords split = {0};
     if (!bad && !s->shell) bad = argwords_split(&split, s->command, e);
@@ -90,7 +107,8 @@ int name_command(argwords *argv, const session *s, const place *p, const double 
     if (!bad) {
         size_t pointers = ((size_t)given.n + lead + 1) * sizeof(char *);
         char **all = calloc(1, pointers + bytes + 16);
-        if (!all) bad = err_set(e, "out of memory");
+        if (!all)
+            bad = err_set(e, "out of memory");
         else {
             char *to = (char *)all + pointers;
             int n = 0;
@@ -109,6 +127,7 @@ int name_command(argwords *argv, const session *s, const place *p, const double 
         }
     }
     argwords_free(&split);
+    argwords_free(&labels);
     free(word);
     return bad;
 }
@@ -126,13 +145,15 @@ int names_check(const session *s, errmsg *e)
         if ((t == 0 ? n : t == 1 ? m : last) == 0) continue;
         if (name_picture(other, s, node[t][0], node[t][1], node[t][2], e) != 0) return -1;
         if (!strcmp(first, other))
-            return err_set(e, "[output] file: expected {%c} in '%s': pictures would replace each other", "ijk"[t], s->file);
+            return err_set(e, "[output] file: expected {%c} in '%s': pictures would replace each other",
+                           "ijk"[t], s -> file);
     }
     if (name_picture(other, s, n, m, last, e) != 0 || name_times(first, s, 0, 0, e) != 0) return -1;
     for (int t = 0; t < 2 && first[0]; t++) {
         if ((t == 0 ? n : m) == 0) continue;
         if (name_times(other, s, node[t][0], node[t][1], e) != 0) return -1;
-        if (!strcmp(first, other)) return err_set(e, "[output] times: expected {%c} in '%s'", "ij"[t], s->times);
+        if (!strcmp(first, other))
+            return err_set(e, "[output] times: expected {%c} in '%s'", "ij"[t], s -> times);
     }
     plan_place(&p, s, 0);
     if (name_command(&argv, s, &p, at, 0, "file", e) != 0) return -1;

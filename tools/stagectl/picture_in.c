@@ -35,7 +35,8 @@ static int png_whole(FILE *f, int64_t size, const char *path, errmsg *e)
             left -= (int64_t)n;
         }
         if (fread(buf, 1, 4, f) != 4 || be32(buf) != crc) return err_set(e, "%s: damaged PNG", path);
-        if (!memcmp(head + 4, "IEND", 4)) return at == size ? 0 : err_set(e, "%s: bytes after the end of the PNG", path);
+        if (!memcmp(head + 4, "IEND", 4))
+            return at == size ? 0 : err_set(e, "%s: bytes after the end of the PNG", path);
     }
 }
 
@@ -61,7 +62,9 @@ static int pnm_whole(FILE *f, int channels, int64_t size, const char *path, errm
     if (w < 1 || h < 1 || w > IMG_MAX_SIDE || h > IMG_MAX_SIDE || max < 1 || max > 65535)
         return err_set(e, "%s: damaged PNM header", path);
     int64_t want = ftell(f) + (int64_t)w * h * channels * (max > 255 ? 2 : 1);
-    return want == size ? 0 : err_set(e, "%s: expected %lld bytes of PNM, found %lld", path, (long long)want, (long long)size);
+    return want == size ? 0
+                        : err_set(e, "%s: expected %lld bytes of PNM, found %lld", path, (long long)want,
+                                  (long long)size);
 }
 
 static int jpeg_ends(FILE *f, const char *path, errmsg *e)
@@ -83,10 +86,12 @@ int picture_whole(const char *path, errmsg *e)
     if (!f) return err_errno(e, "%s", path);
     int bad = fstat(fileno(f), &st) != 0 ? err_errno(e, "%s", path) : 0, decode = 0;
     size_t n = fread(head, 1, 8, f);
-    if (!bad && n == 8 && !memcmp(head, "\x89PNG\r\n\x1a\n", 8)) bad = png_whole(f, st.st_size, path, e);
+    if (!bad && n == 8 && !memcmp(head, "\x89PNG\r\n\x1a\n", 8))
+        bad = png_whole(f, st.st_size, path, e);
     else if (!bad && n == 8 && head[0] == 'P' && (head[1] == '5' || head[1] == '6'))
         bad = pnm_whole(f, head[1] == '6' ? 3 : 1, st.st_size, path, e);
-    else decode = 1;
+    else
+        decode = 1;
     if (!bad && decode && head[0] == 0xff && head[1] == 0xd8) bad = jpeg_ends(f, path, e);
     fclose(f);
     if (!bad && decode) {

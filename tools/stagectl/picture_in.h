@@ -6,8 +6,8 @@
 
 #include "errmsg.h"
 
-/* Whole: PNG by its chunks' checksums and end, binary PNM by its size, JPEG by its end marker and decoding, everything
- * else by decoding. */
+/* Whole: PNG by its chunks' checksums and end, binary PNM by its size, JPEG by its end marker and decoding,
+ * everything else by decoding. */
 int picture_whole(const char *path, errmsg *e);
 
 typedef struct picture_levels {
@@ -15,8 +15,8 @@ typedef struct picture_levels {
     double circle;                  /* radius over half the shorter side; 0 = whole picture */
 } picture_levels;
 
-/* Shares of the pixels in the circle of which some channel clips, and of which no channel is above black.  Refuses pictures without
- * code numbers. */
+/* Shares of the pixels in the circle of which some channel clips, and of which no channel is above black.
+ * Refuses pictures without code numbers. */
 int picture_shares(double *clip, double *black, const char *path, const picture_levels *l, errmsg *e);
 
 #endif

@@ -45,7 +45,8 @@ static int write_ppm(const picture *p, FILE *f, unsigned char *row)
 static int write_png(const picture *p, FILE *f, unsigned char *row)
 {
     int depth = p->bits > 8 ? 16 : 8;
-    png_text text = {.compression = PNG_TEXT_COMPRESSION_NONE, .key = (char *)"Comment", .text = (char *)p->comment};
+    png_text text = {
+        .compression = PNG_TEXT_COMPRESSION_NONE, .key = (char *)"Comment", .text = (char *)p->comment};
     png_color_8 sig = {.red = (png_byte)p->bits, .green = (png_byte)p->bits, .blue = (png_byte)p->bits};
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
     png_infop info = png ? png_create_info_struct(png) : NULL;

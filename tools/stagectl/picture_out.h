@@ -11,7 +11,7 @@
 typedef struct picture {
     const uint16_t *code; /* width*height*3, row-major, top row first, 0..2^bits-1 */
     int width, height, bits;
-    const char *comment;  /* one line: how it was made */
+    const char *comment; /* one line: how it was made */
 } picture;
 
 /* The ending of path picks the format.  PNG has no 10-bit samples: codes are stretched over 16 bits and the

@@ -46,8 +46,8 @@ int plan_path(double path[2][2], const session *s, const double *from, const dou
     int detour = 0;
     for (int a = 0; a < 2; a++) {
         double b = s->backlash[a], d = from ? target[a] - from[a] : 0;
-        /* An axis that does not move keeps its side; one whose side is unknown or that would come from the other
-         * side goes past the target first. */
+        /* An axis that does not move keeps its side; one whose side is unknown or that would come from the
+         * other side goes past the target first. */
         int wrong = b != 0 && (!from || d * b < 0);
         path[0][a] = wrong ? target[a] - b : target[a];
         path[1][a] = target[a];
@@ -94,8 +94,8 @@ static int within(void *arg, const place *p, const double *from, const double to
     (void)from;
     for (int a = 0; a < 2; a++)
         if (!(to[a] >= l->lo[a] - 1e-6 && to[a] <= l->hi[a] + 1e-6))
-            return err_set(e, "node %d,%d: expected %c from %g to %g mm, found %g%s", p->i, p->j, "xy"[a], l->lo[a],
-                           l->hi[a], to[a], last ? "" : " (on the approach, see backlash)");
+            return err_set(e, "node %d,%d: expected %c from %g to %g mm, found %g%s", p->i, p->j, "xy"[a],
+                           l -> lo[a], l -> hi[a], to[a], last ? "" : " (on the approach, see backlash)");
     return 0;
 }
 

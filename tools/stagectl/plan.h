@@ -1,8 +1,8 @@
 /*
  * plan.h - the way over the grid: order, targets, approach, travel, time and space (pure).
  *
- * Node (i, j) stands i/(n-1) of U and j/(m-1) of V from the plane's corner O; a single row or column stands in
- * the middle (contract, section 1).  Machine coordinates are mm.
+ * Node (i, j) stands i/(n-1) of U and j/(m-1) of V from the plane's corner O; a single row or column stands
+ * in the middle (contract, section 1).  Machine coordinates are mm.
  */
 #ifndef PLAN_H
 #define PLAN_H
@@ -22,8 +22,9 @@ void plan_place(place *p, const session *s, long index);
 /* Machine position -> lengths along U and V, scene units. */
 void plan_on_plane(double plane[2], const session *s, const double machine[2]);
 
-/* Points to pass for reaching the target from `from` (NULL: from anywhere, coming to the end of an axis's play unknown)
- * such that each axis arrives in the direction of its backlash's sign.  Returns 1 or 2 points. */
+/* Points to pass for reaching the target from `from` (NULL: from anywhere, coming to the end of an axis's
+ * play unknown) such that each axis arrives in the direction of its backlash's sign.  Returns 1 or 2 points.
+ */
 int plan_path(double path[2][2], const session *s, const double *from, const double target[2]);
 
 /* All targets and all points passed lie within lo..hi (mm).  The words name the first that does not. */

@@ -23,7 +23,8 @@ struct port {
 static const struct {
     int baud;
     speed_t speed;
-} speeds[] = {{9600, B9600}, {19200, B19200}, {38400, B38400}, {57600, B57600}, {115200, B115200}, {230400, B230400}};
+} speeds[] = {{9600, B9600},   {19200, B19200},   {38400, B38400},
+              {57600, B57600}, {115200, B115200}, {230400, B230400}};
 
 static int set_raw(port *p, const char *path, int baud, errmsg *warning, errmsg *e)
 {
@@ -95,7 +96,8 @@ void port_close(port *p)
 /* Wait for the events, an interrupt or the deadline. */
 static port_result wait_for(port *p, short events, double deadline_s, int ignore_interrupt)
 {
-    struct pollfd f[2] = {{.fd = p->fd, .events = events}, {.fd = ignore_interrupt ? -1 : signals_fd(), .events = POLLIN}};
+    struct pollfd f[2] = {{.fd = p->fd, .events = events},
+                          {.fd = ignore_interrupt ? -1 : signals_fd(), .events = POLLIN}};
     for (;;) {
         int n = poll(f, 2, left_ms(deadline_s));
         signals_answer();
@@ -149,5 +151,6 @@ port_result port_receive(port *p, void *bytes, size_t room, size_t *got, double 
 void port_discard(port *p)
 {
     char sink[256];
-    while (read(p->fd, sink, sizeof sink) > 0) {}
+    while (read(p->fd, sink, sizeof sink) > 0) {
+    }
 }

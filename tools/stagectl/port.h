@@ -15,9 +15,9 @@ typedef struct port port;
 
 typedef enum port_result {
     PORT_OK = 0,
-    PORT_TIMEOUT,     /* deadline passed */
-    PORT_GONE,        /* unplugged, hung up */
-    PORT_INTERRUPTED  /* SIGINT or SIGTERM, not acknowledged yet */
+    PORT_TIMEOUT,    /* deadline passed */
+    PORT_GONE,       /* unplugged, hung up */
+    PORT_INTERRUPTED /* SIGINT or SIGTERM, not acknowledged yet */
 } port_result;
 
 /* Exclusive (flock, then TIOCEXCL: root may pass the latter), raw, 8N1, no modem lines, no HUPCL.  What the

@@ -33,7 +33,8 @@ static int sweep(const char *folder, errmsg *e)
     DIR *d = opendir(folder);
     if (!d) return err_errno(e, "%s", folder);
     for (struct dirent *f; (f = readdir(d));)
-        if (!strncmp(f->d_name, ".shot-", 6) && files_join(path, sizeof path, folder, f->d_name, e) == 0) remove(path);
+        if (!strncmp(f->d_name, ".shot-", 6) && files_join(path, sizeof path, folder, f->d_name, e) == 0)
+            remove(path);
     closedir(d);
     return 0;
 }

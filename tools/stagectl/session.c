@@ -29,9 +29,11 @@ static int take(void *arg, const char *section, const char *key, const char *val
         if (r->given[k]) return err_set(e, "[%s] %s: given before, in line %d", section, key, r->given[k]);
         r->given[k] = line;
         errmsg why;
-        return session_take(r->s, &session_keys[k], value, &why) == 0 ? 0 : err_set(e, "%s: %s", key, why.text);
+        return session_take(r->s, &session_keys[k], value, &why) == 0 ? 0
+                                                                      : err_set(e, "%s: %s", key, why.text);
     }
-    if (!known_section) return err_set(e, "expected [grid], [stage], [camera] or [output], found [%s]", section);
+    if (!known_section)
+        return err_set(e, "expected [grid], [stage], [camera], [output] or [chain], found [%s]", section);
     return err_set(e, "unknown key '%s' in [%s] (stagectl keys lists them)", key, section);
 }
 
@@ -41,11 +43,16 @@ static char *read_text(const char *path, errmsg *e)
     char *text = f ? calloc(1, MAX_BYTES + 1) : NULL;
     size_t n = text ? fread(text, 1, MAX_BYTES + 1, f) : 0;
     int bad = 0;
-    if (!f) bad = err_errno(e, "%s", path);
-    else if (!text) bad = err_set(e, "%s: out of memory", path);
-    else if (ferror(f)) bad = err_errno(e, "%s", path);
-    else if (n > MAX_BYTES) bad = err_set(e, "%s: expected at most %d bytes", path, MAX_BYTES);
-    else if (memchr(text, 0, n)) bad = err_set(e, "%s: expected text, found a zero byte", path);
+    if (!f)
+        bad = err_errno(e, "%s", path);
+    else if (!text)
+        bad = err_set(e, "%s: out of memory", path);
+    else if (ferror(f))
+        bad = err_errno(e, "%s", path);
+    else if (n > MAX_BYTES)
+        bad = err_set(e, "%s: expected at most %d bytes", path, MAX_BYTES);
+    else if (memchr(text, 0, n))
+        bad = err_set(e, "%s: expected text, found a zero byte", path);
     if (f) fclose(f);
     if (!bad) return text;
     free(text);
@@ -58,7 +65,8 @@ static int place_folder(session *s, const char *path, errmsg *e)
     const char *slash = strrchr(path, '/');
     char *full;
     if (s->folder[0] == '/' || !slash) return 0;
-    if (asprintf(&full, "%.*s/%s", (int)(slash - path), path, s->folder) < 0) return err_set(e, "out of memory");
+    if (asprintf(&full, "%.*s/%s", (int)(slash - path), path, s->folder) < 0)
+        return err_set(e, "out of memory");
     free(s->folder);
     s->folder = full;
     return 0;
@@ -70,16 +78,26 @@ static int check(const session *s, errmsg *e)
     argwords words;
     const int origin[2] = {0, 0};
     if (camera_at_node(&c, s->plane, s->nodes, origin, e) != 0) return -1;
-    if (!stage_driver_by_name(s->driver)) return err_set(e, "[stage] driver: expected grbl or c4, found '%s'", s->driver);
+    if (!stage_driver_by_name(s->driver))
+        return err_set(e, "[stage] driver: expected grbl or c4, found '%s'", s->driver);
     if (!s->folder[0]) return err_set(e, "[output] folder: expected a name");
     for (int a = 0; a < 2; a++)
-        if ((s->travel[2 * a] != 0 || s->travel[2 * a + 1] != 0) && !(s->travel[2 * a] < s->travel[2 * a + 1]))
-            return err_set(e, "[stage] travel: expected lowest below highest, found %g and %g", s->travel[2 * a],
-                           s->travel[2 * a + 1]);
+        if ((s->travel[2 * a] != 0 || s->travel[2 * a + 1] != 0) &&
+            !(s->travel[2 * a] < s->travel[2 * a + 1]))
+            return err_set(e, "[stage] travel: expected lowest below highest, found %g and %g",
+                           s->travel[2 * a], s->travel[2 * a + 1]);
     if (argwords_split(&words, s->command, e) != 0) return -1;
     int empty = words.n == 0;
     argwords_free(&words);
     if (empty) return err_set(e, "[camera] command: expected a program");
+    if (argwords_split(&words, s->labels, e) != 0) return -1;
+    int labels = words.n;
+    argwords_free(&words);
+    if (labels != 0 && labels != s->exposures)
+        return err_set(e, "[camera] labels: expected %d, one for each exposure, found %d", s->exposures,
+                       labels);
+    if (labels == 0 && strstr(s->command, "{label}"))
+        return err_set(e, "[camera] labels: expected them for {label}");
     if (!strstr(s->command, "{file}")) return err_set(e, "[camera] command: expected {file} in it");
     /* Names are tried on two nodes: each exposure of each place needs a name of its own. */
     return names_check(s, e);
@@ -98,7 +116,8 @@ int session_load(session *out, const char *path, errmsg *e)
     if (!bad) bad = ini_parse(text, path, take, &r, e);
     for (int k = 0; session_keys[k].name && !bad; k++)
         if (!session_keys[k].preset && !r.given[k])
-            bad = err_set(e, "%s: expected '%s' in [%s]", path, session_keys[k].name, session_keys[k].section);
+            bad =
+                err_set(e, "%s: expected '%s' in [%s]", path, session_keys[k].name, session_keys[k].section);
     if (!bad && check(&s, &why) != 0) bad = err_set(e, "%s: %s", path, why.text);
     if (!bad) bad = place_folder(&s, path, e);
     free(text);
@@ -112,7 +131,10 @@ int session_load(session *out, const char *path, errmsg *e)
 
 void session_free(session *s)
 {
-    char **texts[] = {&s->driver, &s->port, &s->axes, &s->command, &s->exposures_text, &s->folder, &s->file, &s->times};
+    char **texts[] = {&s->driver, &s->port,       &s->axes,           &s->command,
+                      &s->labels, &s->error_text, &s->exposures_text, &s->folder,
+                      &s->file,   &s->times,      &s->before,         &s->beside,
+                      &s->hdrgen, &s->fishremap,  &s->ilfpack,        &s->light_field};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         free(*texts[i]);
         *texts[i] = NULL;

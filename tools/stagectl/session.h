@@ -17,28 +17,30 @@ typedef enum picture_check { CHECK_DECODE, CHECK_SIZE } picture_check;
 
 typedef struct session {
     /* [grid] */
-    int nodes[2];          /* along u, v */
-    double plane[9];       /* O U V, scene units */
-    int order;             /* capture_order */
+    int nodes[2];    /* along u, v */
+    double plane[9]; /* O U V, scene units */
+    int order;       /* capture_order */
     /* [stage] */
-    char *driver, *port;   /* port "" = not given */
-    double unit_mm;        /* mm per scene unit */
-    double origin[2];      /* machine mm of the plane's corner O */
-    char *axes;            /* "x y", "-x y", "y x" ... */
-    int axis[2], sign[2];  /* from axes: machine axis along u, v and its direction */
-    double feed;           /* mm/min */
-    double settle;         /* s */
-    double backlash[2];    /* mm; final approach of each axis in the direction of the sign */
-    int home;              /* 1: home first; 0: the stage's zero is right */
-    double travel[4];      /* x lo, x hi, y lo, y hi in mm; all 0 = what the controller says */
+    char *driver, *port;    /* port "" = not given */
+    double unit_mm;         /* mm per scene unit */
+    double origin[2];       /* machine mm of the plane's corner O */
+    char *axes;             /* "x y", "-x y", "y x" ... */
+    int axis[2], sign[2];   /* from axes: machine axis along u, v and its direction */
+    double feed;            /* mm/min */
+    double settle;          /* s */
+    double backlash[2];     /* mm; final approach of each axis in the direction of the sign */
+    int home;               /* 1: home first; 0: the stage's zero is right */
+    double travel[4];       /* x lo, x hi, y lo, y hi in mm; all 0 = what the controller says */
     double steps_per_mm[2]; /* 0 = what the controller says */
-    double home_timeout;   /* s */
-    double acceleration;   /* mm/s2, for the plan's times; 0 = not known */
+    double home_timeout;    /* s */
+    double acceleration;    /* mm/s2, for the plan's times; 0 = not known */
     /* [camera] */
     char *command;
     int shell;
-    double timeout;        /* s beyond the exposure */
-    double kill_after;     /* s from TERM to KILL */
+    char *labels;      /* a word for each exposure, {label}; "" = none */
+    char *error_text;  /* in the command's output it means failure; "" = none */
+    double timeout;    /* s beyond the exposure */
+    double kill_after; /* s from TERM to KILL */
     int retries;
     char *exposures_text;
     double exposure[EXPOSURES_MAX]; /* s, rising */
@@ -46,23 +48,25 @@ typedef struct session {
     int adaptive;
     double clip_share, black_share; /* shares of the pixels in the image circle that may clip, be black */
     double clip_level, black_level; /* of the highest code */
-    double circle;         /* radius of the image circle over half the picture's height; 0 = whole picture */
-    int check;             /* picture_check */
-    double overhead;       /* s per exposure besides the exposure, for the plan's times */
-    double file_mb;        /* expected size of a file, for the plan's space */
+    double circle;   /* radius of the image circle over half the picture's height; 0 = whole picture */
+    int check;       /* picture_check */
+    double overhead; /* s per exposure besides the exposure, for the plan's times */
+    double file_mb;  /* expected size of a file, for the plan's space */
     /* [output] */
     char *folder, *file, *times;
     int repeat_points;
+    /* [chain] for scenes/capture.mk; nothing of it matters here */
+    char *before, *beside, *hdrgen, *fishremap, *ilfpack, *light_field;
 } session;
 
 /* Where a session stands in the plan's identity: resumed only if these are what they were. */
 typedef struct session_key {
     const char *section, *name;
-    int kind;              /* session_keys.c's own */
-    size_t offset;         /* of the member in session */
-    double least, most;    /* numbers */
-    const char *preset;    /* default as text; NULL = must be given */
-    int identity;          /* part of the plan's identity */
+    int kind;           /* session_keys.c's own */
+    size_t offset;      /* of the member in session */
+    double least, most; /* numbers */
+    const char *preset; /* default as text; NULL = must be given */
+    int identity;       /* part of the plan's identity */
     const char *help;
 } session_key;
 

@@ -5,8 +5,18 @@
 #include "session.h"
 
 typedef enum key_kind {
-    KEY_TEXT, KEY_NUMBER, KEY_NUMBERS2, KEY_NUMBERS4, KEY_NUMBERS9, KEY_WHOLE, KEY_SIZE, KEY_YES_NO, KEY_ORDER,
-    KEY_CHECK, KEY_AXES, KEY_EXPOSURES
+    KEY_TEXT,
+    KEY_NUMBER,
+    KEY_NUMBERS2,
+    KEY_NUMBERS4,
+    KEY_NUMBERS9,
+    KEY_WHOLE,
+    KEY_SIZE,
+    KEY_YES_NO,
+    KEY_ORDER,
+    KEY_CHECK,
+    KEY_AXES,
+    KEY_EXPOSURES
 } key_kind;
 
 int session_take(session *s, const session_key *k, const char *value, errmsg *e);

@@ -30,7 +30,9 @@ const session_key session_keys[] = {
     {"stage", "steps_per_mm", KEY_NUMBERS2, AT(steps_per_mm), 0, 1e6, "0 0", 1, "steps per mm of x and y where the controller can't say (c4); 0 0 = as the controller says"},
     {"stage", "home_timeout", KEY_NUMBER, AT(home_timeout), 1, 3600, "120", 0, "longest time that homing may take, s"},
     {"stage", "acceleration", KEY_NUMBER, AT(acceleration), 0, 1e6, "0", 0, "for the plan's times, mm/s2; 0 = as the controller says"},
-    {"camera", "command", KEY_TEXT, AT(command), 0, 0, NULL, 1, "run for each exposure; {file} {seconds} {i} {j} {k} {x} {y} {ax} {ay} {mx} {my}"},
+    {"camera", "command", KEY_TEXT, AT(command), 0, 0, NULL, 1, "run for each exposure; {file} {seconds} {label} {i} {j} {k} {x} {y} {ax} {ay} {mx} {my}"},
+    {"camera", "labels", KEY_TEXT, AT(labels), 0, 0, "", 1, "a word for each exposure, {label} in the command: what the camera calls it"},
+    {"camera", "error_text", KEY_TEXT, AT(error_text), 0, 0, "", 0, "text that means failure when the command prints it, whatever its exit code"},
     {"camera", "shell", KEY_YES_NO, AT(shell), 0, 0, "no", 1, "give the command to sh -c instead of running its words"},
     {"camera", "timeout", KEY_NUMBER, AT(timeout), 0.1, 86400, "30", 0, "longest time beyond the exposure itself, s"},
     {"camera", "kill_after", KEY_NUMBER, AT(kill_after), 0, 3600, "5", 0, "from asking an overdue camera to end (TERM) to ending it (KILL), s"},
@@ -49,6 +51,12 @@ const session_key session_keys[] = {
     {"output", "file", KEY_TEXT, AT(file), 0, 0, "{i:03}_{j:03}/{k:02}.png", 1, "name of a picture in the folder; the ending is the camera's format"},
     {"output", "times", KEY_TEXT, AT(times), 0, 0, "{i:03}_{j:03}/times.txt", 1, "list of a place's pictures and times for hdrgen, written when the place is done; empty = none"},
     {"output", "repeat_points", KEY_YES_NO, AT(repeat_points), 0, 0, "no", 0, "after an interruption take a place that was not finished anew, instead of only what is missing"},
+    {"chain", "before", KEY_TEXT, AT(before), 0, 0, "", 0, "shell command run before the capture: builds a scene, say"},
+    {"chain", "beside", KEY_TEXT, AT(beside), 0, 0, "", 0, "program run beside the capture and ended after it: a virtual stage, say"},
+    {"chain", "hdrgen", KEY_TEXT, AT(hdrgen), 0, 0, "", 0, "options of hdrgen"},
+    {"chain", "fishremap", KEY_TEXT, AT(fishremap), 0, 0, "--lens equidistant --fov 185 --size 256x64", 0, "options of fishremap"},
+    {"chain", "ilfpack", KEY_TEXT, AT(ilfpack), 0, 0, "--type half", 0, "options of ilfpack"},
+    {"chain", "light_field", KEY_TEXT, AT(light_field), 0, 0, "room.ilf.exr", 0, "name of the light field in the folder"},
     {0}};
 /* clang-format on */
 
@@ -104,11 +112,16 @@ int session_take(session *s, const session_key *k, const char *value, errmsg *e)
     void *at = (char *)s + k->offset;
     double v;
     switch ((key_kind)k->kind) {
-    case KEY_TEXT: return take_text(at, value, e);
-    case KEY_NUMBER: return take_numbers(at, 1, k, value, e);
-    case KEY_NUMBERS2: return take_numbers(at, 2, k, value, e);
-    case KEY_NUMBERS4: return take_numbers(at, 4, k, value, e);
-    case KEY_NUMBERS9: return take_numbers(at, 9, k, value, e);
+    case KEY_TEXT:
+        return take_text(at, value, e);
+    case KEY_NUMBER:
+        return take_numbers(at, 1, k, value, e);
+    case KEY_NUMBERS2:
+        return take_numbers(at, 2, k, value, e);
+    case KEY_NUMBERS4:
+        return take_numbers(at, 4, k, value, e);
+    case KEY_NUMBERS9:
+        return take_numbers(at, 9, k, value, e);
     case KEY_WHOLE:
         if (take_numbers(&v, 1, k, value, e) != 0) return -1;
         if (v != floor(v)) return err_set(e, "expected a whole number, found '%s'", value);
@@ -122,10 +135,14 @@ int session_take(session *s, const session_key *k, const char *value, errmsg *e)
         memcpy(at, n, sizeof n);
         return 0;
     }
-    case KEY_YES_NO: return take_choice(at, value, no_yes, e);
-    case KEY_ORDER: return take_choice(at, value, orders, e);
-    case KEY_CHECK: return take_choice(at, value, checks, e);
-    case KEY_AXES: return take_axes(s, value, e);
+    case KEY_YES_NO:
+        return take_choice(at, value, no_yes, e);
+    case KEY_ORDER:
+        return take_choice(at, value, orders, e);
+    case KEY_CHECK:
+        return take_choice(at, value, checks, e);
+    case KEY_AXES:
+        return take_axes(s, value, e);
     case KEY_EXPOSURES:
         if (exposures_parse(s->exposure, &s->exposures, value, e) != 0) return -1;
         return take_text(at, value, e);
@@ -141,17 +158,39 @@ void session_value(char *out, size_t room, const session *s, const session_key *
     out[0] = 0;
     switch ((key_kind)k->kind) {
     case KEY_TEXT:
-    case KEY_AXES: snprintf(out, room, "%s", *(char *const *)at); return;
-    case KEY_WHOLE: snprintf(out, room, "%d", *(const int *)at); return;
-    case KEY_SIZE: snprintf(out, room, "%dx%d", ((const int *)at)[0], ((const int *)at)[1]); return;
-    case KEY_YES_NO: snprintf(out, room, "%s", no_yes[*(const int *)at]); return;
-    case KEY_ORDER: snprintf(out, room, "%s", orders[*(const int *)at]); return;
-    case KEY_CHECK: snprintf(out, room, "%s", checks[*(const int *)at]); return;
-    case KEY_EXPOSURES: at = s->exposure; count = s->exposures; break;
-    case KEY_NUMBER: break;
-    case KEY_NUMBERS2: count = 2; break;
-    case KEY_NUMBERS4: count = 4; break;
-    case KEY_NUMBERS9: count = 9; break;
+    case KEY_AXES:
+        snprintf(out, room, "%s", *(char *const *)at);
+        return;
+    case KEY_WHOLE:
+        snprintf(out, room, "%d", *(const int *)at);
+        return;
+    case KEY_SIZE:
+        snprintf(out, room, "%dx%d", ((const int *)at)[0], ((const int *)at)[1]);
+        return;
+    case KEY_YES_NO:
+        snprintf(out, room, "%s", no_yes[*(const int *)at]);
+        return;
+    case KEY_ORDER:
+        snprintf(out, room, "%s", orders[*(const int *)at]);
+        return;
+    case KEY_CHECK:
+        snprintf(out, room, "%s", checks[*(const int *)at]);
+        return;
+    case KEY_EXPOSURES:
+        at = s->exposure;
+        count = s->exposures;
+        break;
+    case KEY_NUMBER:
+        break;
+    case KEY_NUMBERS2:
+        count = 2;
+        break;
+    case KEY_NUMBERS4:
+        count = 4;
+        break;
+    case KEY_NUMBERS9:
+        count = 9;
+        break;
     }
     for (int i = 0; i < count && n < room; i++)
         n += (size_t)snprintf(out + n, room - n, "%s%.17g", i ? " " : "", ((const double *)at)[i]);

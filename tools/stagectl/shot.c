@@ -16,7 +16,8 @@
 static int look_at(journal_shot *t, const session *s, const char *path, errmsg *e)
 {
     struct stat st;
-    if (lstat(path, &st) != 0 || !S_ISREG(st.st_mode)) return err_set(e, "camera: exit code 0, but it wrote no file");
+    if (lstat(path, &st) != 0 || !S_ISREG(st.st_mode))
+        return err_set(e, "camera: exit code 0, but it wrote no file");
     if (st.st_size == 0) return err_set(e, "camera: exit code 0, but its file is empty");
     if (s->check == CHECK_DECODE && picture_whole(path, e) != 0) return -1;
     if (s->adaptive) {
@@ -39,7 +40,8 @@ int shots_commit(capture_run *r, errmsg *e)
     while (r->n_pending > 0) {
         int k = r->pending[r->n_pending - 1];
         const char *from = journal_at(r->j, p->i, p->j)->shot[k].temp;
-        if (name_picture(name, s, p->i, p->j, k, e) != 0 || files_join(path, sizeof path, s->folder, name, e) != 0 ||
+        if (name_picture(name, s, p->i, p->j, k, e) != 0 ||
+            files_join(path, sizeof path, s->folder, name, e) != 0 ||
             files_join(temp, sizeof temp, s->folder, from, e) != 0)
             return -1;
         if (rename(temp, path) != 0) return err_errno(e, "%s", path);
@@ -49,13 +51,14 @@ int shots_commit(capture_run *r, errmsg *e)
     return 0;
 }
 
-static stage_code expose(capture_run *r, journal_shot *t, const place *p, const double arrived[2], int k, const char *path,
-                         errmsg *e)
+static stage_code expose(capture_run *r, journal_shot *t, const place *p, const double arrived[2], int k,
+                         const char *path, errmsg *e)
 {
     const session *s = r->s;
     argwords argv;
     if (name_command(&argv, s, p, arrived, k, path, e) != 0) return STAGE_FAILED;
-    const camera_limits l = {s->exposure[k] + s->timeout, s->kill_after, r->log_fd, r->camera_lock_fd};
+    const camera_limits l = {s->exposure[k] + s->timeout, s->kill_after, s->error_text, r->log_fd,
+                             r->camera_lock_fd};
     camera_result c = camera_run(&argv, &l, e);
     argwords_free(&argv);
     if (c == CAMERA_INTERRUPTED) return STAGE_INTERRUPTED;
@@ -70,8 +73,8 @@ stage_code shot_take(capture_run *r, const place *p, const double arrived[2], in
     char name[NAME_ROOM], path[4096], temp[4096];
     struct stat st;
     stage_code code = STAGE_FAILED;
-    if (name_picture(name, s, p->i, p->j, k, e) != 0 || files_join(path, sizeof path, s->folder, name, e) != 0 ||
-        files_make_parents(path, e) != 0)
+    if (name_picture(name, s, p->i, p->j, k, e) != 0 ||
+        files_join(path, sizeof path, s->folder, name, e) != 0 || files_make_parents(path, e) != 0)
         return STAGE_FAILED;
     /* What the journal knows may be replaced (it was found missing or changed), what it never saw may not. */
     if (lstat(path, &st) == 0 && !(known && known[k].digest[0])) {

@@ -19,7 +19,8 @@ static void on_signal(int sig)
     } else {
         if (!first) first = sig;
         pending = sig;
-        if (write(wake[1], "", 1) < 0) {} /* a full pipe is as awake as can be */
+        if (write(wake[1], "", 1) < 0) {
+        } /* a full pipe is as awake as can be */
     }
     errno = saved;
 }
@@ -57,7 +58,8 @@ void signals_acknowledge(void)
 {
     char sink[64];
     pending = 0;
-    while (read(wake[0], sink, sizeof sink) > 0) {}
+    while (read(wake[0], sink, sizeof sink) > 0) {
+    }
 }
 
 void signals_answer(void)

@@ -8,9 +8,9 @@
 #define SIGNALS_H
 
 void signals_install(void (*status_line)(void)); /* status_line: called outside the handler; may be NULL */
-int signals_fd(void);      /* readable while an interrupt waits to be acknowledged */
-int signals_number(void);  /* signal of the unacknowledged interrupt, 0 = none */
-void signals_acknowledge(void); /* from now on only a further one counts */
+int signals_fd(void);                            /* readable while an interrupt waits to be acknowledged */
+int signals_number(void);                        /* signal of the unacknowledged interrupt, 0 = none */
+void signals_acknowledge(void);                  /* from now on only a further one counts */
 int signals_first(void);   /* signal of the first interrupt ever, 0 = none: exit code 128 + it */
 void signals_answer(void); /* print the status line if one was asked for; after each EINTR */
 

@@ -1,15 +1,12 @@
 /*
  * stagectl.c - moves the camera over the grid and takes the exposures.
  *
- * Exit codes: 0 done, 1 input or I/O, 2 usage, 3 stage silent or unplugged, 4 stage refused, 128 + signal after the
- * stage was told to hold.
+ * Exit codes: 0 done, 1 input or I/O, 2 usage, 3 stage silent or unplugged, 4 stage refused, 128 + signal
+ * after the stage was told to hold.
  */
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include "capture.h"
@@ -17,13 +14,14 @@
 #include "files.h"
 #include "names.h"
 #include "signals.h"
+#include "stagectl_show.h"
 
 static struct {
     const char *port, *driver;
     double feed, settle, home_timeout;
     double steps_per_mm[2], from[2];
     int dry_run, assume_position, have_from;
-} o = {.driver = "grbl", .feed = 1500, .settle = 0.1, .home_timeout = 120};
+} o = {.feed = 1500, .settle = 0.1, .home_timeout = 120};
 
 static int take_pair(const char *value, void *arg, errmsg *e)
 {
@@ -33,25 +31,34 @@ static int take_pair(const char *value, void *arg, errmsg *e)
 
 static const cli_opt opts[] = {
     {"port", 0, CLI_STRING, &o.port, NULL, "DEV", "serial port of the stage; wins over the session's"},
-    {"driver", 0, CLI_STRING, &o.driver, NULL, "NAME", "grbl (default): GRBL 1.1 and grblHAL; c4: Arrick MD-2 through its C4\n"
+    {"driver", 0, CLI_STRING, &o.driver, NULL, "NAME",
+     "grbl (default): GRBL 1.1 and grblHAL; c4: Arrick MD-2 through its C4\n"
      "controller, inferred and unverified on hardware.  Sessions name their own"},
     {"feed", 0, CLI_DOUBLE, &o.feed, NULL, "F", "move: speed, mm/min (1500)"},
     {"settle", 0, CLI_DOUBLE, &o.settle, NULL, "S", "move: rest at the end, s (0.1)"},
     {"home-timeout", 0, CLI_DOUBLE, &o.home_timeout, NULL, "S", "home: longest time, s (120)"},
     {"steps-per-mm", 0, CLI_CALL, o.steps_per_mm, take_pair, "X,Y", "c4: steps per mm (7.874016 direct)"},
     {"from", 0, CLI_CALL, o.from, take_pair, "X,Y", "move: the stage stands there (for c4, which can't say)"},
-    {"assume-position", 0, CLI_FLAG, &o.assume_position, NULL, NULL, "capture: don't home, the stage has kept its position"},
+    {"assume-position", 0, CLI_FLAG, &o.assume_position, NULL, NULL,
+     "capture: don't home, the stage has kept its position"},
     {"dry-run", 0, CLI_FLAG, &o.dry_run, NULL, NULL, "say what would be done; touch neither stage nor files"},
     {0}};
 
 static const cli_prog prog = {
     .name = "stagectl",
-    .operands = "home | move X Y | where | status | plan FILE | capture FILE | resume FILE | verify FILE | keys",
+    .operands = "COMMAND [ARGUMENT]...",
     .summary = "Move a camera over a grid and take its exposures, whatever happens.",
     .opts = opts,
-    .epilog = "FILE is a session file (stagectl keys lists what may stand in it).  Positions are machine mm.\n"
-              "Exit codes: 0 done, 1 failed, 2 usage, 3 stage silent or unplugged, 4 stage refused,\n"
-              "130 interrupted after the stage was told to hold."};
+    .epilog = "Commands:\n"
+              "  home, move X Y        the stage; positions are machine mm\n"
+              "  where, status         where it stands; what it is\n"
+              "  plan SESSION          moves, times, space, travel; no hardware\n"
+              "  capture SESSION       take what is not taken yet (resume SESSION: the same)\n"
+              "  verify SESSION        compare all files with the journal\n"
+              "  keys                  what may stand in a session file, with defaults\n"
+              "  get SESSION S.KEY     one value of it; list SESSION: lists of times, i fastest\n\n"
+              "Exit codes: 0 done, 1 failed, 2 usage, 3 stage silent or unplugged, 4 stage\n"
+              "refused, 130 interrupted after the stage was told to hold."};
 
 static void note(const char *words)
 {
@@ -82,10 +89,15 @@ static _Noreturn void end_stage(stage *s, stage_code c, const errmsg *e)
     cli_fail(exit_code(c), "%s", e->text);
 }
 
+static const char *driver_name(void)
+{
+    return o.driver ? o.driver : "grbl";
+}
+
 static void open_stage(stage *s)
 {
     errmsg e;
-    const stage_driver *d = stage_driver_by_name(o.driver);
+    const stage_driver *d = stage_driver_by_name(driver_name());
     if (!d) cli_fail(CLI_USAGE, "--driver: expected grbl or c4, found '%s'", o.driver);
     if (!o.port) cli_fail(CLI_USAGE, "expected --port DEV: ports that you don't name are not touched");
     s->home_timeout_s = o.home_timeout;
@@ -102,7 +114,7 @@ static int do_home(void)
     char state[32];
     stage s = {.note = note};
     if (o.dry_run) {
-        printf("would home the stage on %s (%s)\n", o.port ? o.port : "the port", o.driver);
+        printf("would home the stage on %s (%s)\n", o.port ? o.port : "the port", driver_name());
         return CLI_OK;
     }
     open_stage(&s);
@@ -131,7 +143,8 @@ static int do_move(const char *x, const char *y)
     open_stage(&s);
     for (int a = 0; a < 2; a++)
         if (s.facts.has_travel && !(to[a] >= s.facts.lo[a] && to[a] <= s.facts.hi[a])) {
-            err_set(&e, "move: expected %c from %g to %g mm, found %g", "xy"[a], s.facts.lo[a], s.facts.hi[a], to[a]);
+            err_set(&e, "move: expected %c from %g to %g mm, found %g", "xy"[a], s.facts.lo[a], s.facts.hi[a],
+                    to[a]);
             end_stage(&s, STAGE_FAILED, &e);
         }
     if (!s.position_known) {
@@ -162,8 +175,10 @@ static int do_status(int where_only)
         const stage_facts *f = &s.facts;
         printf("controller  %s\nstate       %s\nposition    %.3f %.3f mm%s\n", f->ident, state, xy[0], xy[1],
                s.position_known ? "" : " (not to be trusted: home it)");
-        printf("steps/mm    %g %g\nhoming      %s\n", f->steps_per_mm[0], f->steps_per_mm[1], f->can_home ? "yes" : "no");
-        if (f->has_travel) printf("travel      x %g to %g, y %g to %g mm\n", f->lo[0], f->hi[0], f->lo[1], f->hi[1]);
+        printf("steps/mm    %g %g\nhoming      %s\n", f->steps_per_mm[0], f->steps_per_mm[1],
+               f->can_home ? "yes" : "no");
+        if (f->has_travel)
+            printf("travel      x %g to %g, y %g to %g mm\n", f->lo[0], f->hi[0], f->lo[1], f->hi[1]);
     }
     stage_close(&s);
     return CLI_OK;
@@ -171,67 +186,15 @@ static int do_status(int where_only)
 
 /* ---- sessions ---------------------------------------------------------------------------------- */
 
-static void load(session *s, const char *path)
-{
-    errmsg e;
-    if (session_load(s, path, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
-}
-
-static void print_time(const char *what, double s)
-{
-    printf("%-12s%d h %02d min %04.1f s\n", what, (int)(s / 3600), (int)(fmod(s, 3600) / 60), fmod(s, 60));
-}
-
-/* Free bytes where the session's folder is or will be; -1 = not known. */
-static double free_bytes(const char *folder)
-{
-    char path[4096];
-    struct statvfs v;
-    if (strlen(folder) >= sizeof path) return -1;
-    strcpy(path, folder);
-    while (statvfs(path, &v) != 0) {
-        char *slash = strrchr(path, '/');
-        if (!slash || slash == path) return statvfs(slash ? "/" : ".", &v) == 0 ? (double)v.f_bavail * (double)v.f_frsize : -1;
-        *slash = 0;
-    }
-    return (double)v.f_bavail * (double)v.f_frsize;
-}
-
-static int do_plan(const char *path)
-{
-    session s;
-    plan_totals t;
-    errmsg e;
-    load(&s, path);
-    plan_sum(&t, &s, s.acceleration);
-    printf("places      %ld (%d x %d)\nexposures   %ld (%d a place, %g to %g s%s)\n", t.places, s.nodes[0], s.nodes[1],
-           t.exposures, s.exposures, s.exposure[0], s.exposure[s.exposures - 1], s.adaptive ? "; auto: at most" : "");
-    printf("moves       %ld, %.1f mm, x %g to %g, y %g to %g mm\n", t.moves, t.distance_mm, t.lo[0], t.hi[0], t.lo[1],
-           t.hi[1]);
-    print_time("moving", t.move_s);
-    print_time("settling", t.settle_s);
-    print_time("exposing", t.exposure_s + t.overhead_s);
-    print_time("in all", t.total_s);
-    double room = free_bytes(s.folder);
-    printf("disk        %.1f MB", t.bytes / 1e6);
-    if (room >= 0) printf(" of %.1f MB free%s", room / 1e6, room < t.bytes ? ": NOT ENOUGH" : "");
-    printf("\n");
-    const double lo[2] = {s.travel[0], s.travel[2]}, hi[2] = {s.travel[1], s.travel[3]};
-    if (!(lo[0] < hi[0] || lo[1] < hi[1])) printf("travel      not checked: [stage] travel is not given\n");
-    else if (plan_check_travel(&s, lo, hi, &e) != 0) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
-    else printf("travel      all points inside\n");
-    session_free(&s);
-    return CLI_OK;
-}
-
 static capture_progress latest;
 
 static void print_progress(const capture_progress *p, const char *end)
 {
     fprintf(stderr, "%s: place %ld/%ld (%d,%d) %s, %ld/%ld exposures", prog.name,
-            p->places_done + (p->places_done < p->places), p->places, p->i, p->j, p->doing ? p->doing : "starting", p->shots,
-            p->shots_most);
-    if (p->left_s > 0) fprintf(stderr, ", %d h %02d min left", (int)(p->left_s / 3600), (int)(fmod(p->left_s, 3600) / 60));
+            p->places_done + (p->places_done < p->places), p->places, p->i, p->j,
+            p->doing ? p->doing : "starting", p->shots, p->shots_most);
+    if (p->left_s > 0)
+        fprintf(stderr, ", %d h %02d min left", (int)(p->left_s / 3600), (int)(fmod(p->left_s, 3600) / 60));
     fputs(end, stderr);
 }
 
@@ -279,31 +242,41 @@ static int do_capture(const char *path)
     session s;
     journal *j;
     errmsg e;
-    load(&s, path);
+    load_session(&s, path);
     if (o.dry_run) {
         dry_capture(&s);
+        session_free(&s);
         return CLI_OK;
     }
     stage st = {.note = note};
-    capture_run r = {.s = &s, .stage = &st, .port = o.port ? o.port : s.port, .assume_position = o.assume_position,
-                     .say = warn, .progress = progress};
+    capture_run r = {.s = &s,
+                     .stage = &st,
+                     .port = o.port ? o.port : s.port,
+                     .assume_position = o.assume_position,
+                     .say = warn,
+                     .progress = progress};
+    if (o.driver && strcmp(o.driver, s.driver) != 0)
+        cli_fail(CLI_USAGE, "--driver: expected %s as in %s, found '%s'", s.driver, path, o.driver);
     if (!r.port[0]) cli_fail(CLI_USAGE, "expected --port DEV, or port in [stage] of %s", path);
     char inside[4096];
-    if (files_join(inside, sizeof inside, s.folder, "journal", &e) != 0 || files_make_parents(inside, &e) != 0)
+    if (files_join(inside, sizeof inside, s.folder, "journal", &e) != 0 ||
+        files_make_parents(inside, &e) != 0)
         cli_fail(CLI_FAILED, "%s", e.text);
     if (journal_open(&j, &s, 0, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
     if (journal_dropped(j)) cli_note("%s/journal: dropped a torn last line", s.folder);
     plan_totals t;
     plan_sum(&t, &s, s.acceleration);
     double room = free_bytes(s.folder), more = (double)(t.exposures - journal_shots(j)) * s.file_mb * 1e6;
-    if (room >= 0 && room < more) cli_warn("%s: %.1f MB free, the rest may need %.1f MB", s.folder, room / 1e6, more / 1e6);
+    if (room >= 0 && room < more)
+        cli_warn("%s: %.1f MB free, the rest may need %.1f MB", s.folder, room / 1e6, more / 1e6);
     r.j = j;
     latest.places = t.places;
     stage_code c = capture_all(&r, &e);
     if (isatty(STDERR_FILENO) && !cli_quiet) fputs("\n", stderr);
     if (c == STAGE_OK)
-        cli_note("%ld places, %ld exposures on disk (%ld taken now%s)", r.now.places_done, journal_shots(j), r.shots_taken,
-                 s.adaptive ? ", auto left the others out" : "");
+        cli_note(s.adaptive ? "%ld places, %ld exposures on disk (%ld taken now, %ld left out as not needed)"
+                            : "%ld places, %ld exposures on disk (%ld taken now)",
+                 r.now.places_done, journal_shots(j), r.shots_taken, r.shots_left_out);
     journal_close(j);
     if (c != STAGE_OK) cli_fail(exit_code(c), "%s", e.text);
     session_free(&s);
@@ -315,28 +288,18 @@ static int do_verify(const char *path)
     session s;
     journal *j;
     errmsg e;
-    load(&s, path);
+    load_session(&s, path);
     if (journal_open(&j, &s, 1, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
     long amiss = reconcile(j, &s, 1, 0, warn, &e), done = 0, shots = journal_shots(j);
     if (amiss < 0) cli_fail(CLI_FAILED, "%s", e.text);
     for (int jj = 0; jj < s.nodes[1]; jj++)
         for (int i = 0; i < s.nodes[0]; i++) done += journal_at(j, i, jj)->done;
-    printf("%ld of %ld places finished, %ld exposures on record, %ld missing or changed\n", done, plan_places(&s), shots, amiss);
+    printf("%ld of %ld places finished, %ld exposures on record, %ld missing or changed\n", done,
+           plan_places(&s), shots, amiss);
     journal_close(j);
     int whole = amiss == 0 && done == plan_places(&s);
     session_free(&s);
     return whole ? CLI_OK : CLI_FAILED;
-}
-
-static int do_keys(void)
-{
-    const char *section = "";
-    for (const session_key *k = session_keys; k->name; k++) {
-        if (strcmp(section, k->section) != 0) printf("%s[%s]\n", *section ? "\n" : "", k->section);
-        section = k->section;
-        printf("# %s%s\n%s = %s\n", k->help, k->preset ? "" : " (must be given)", k->name, k->preset ? k->preset : "");
-    }
-    return CLI_OK;
 }
 
 int main(int argc, char **argv)
@@ -345,14 +308,29 @@ int main(int argc, char **argv)
     const char *what = n > 0 ? argv[1] : "";
     signals_install(status_line);
     int code = -1;
-    if (!strcmp(what, "home") && n == 1) code = do_home();
-    else if (!strcmp(what, "move") && n == 3) code = do_move(argv[2], argv[3]);
-    else if (!strcmp(what, "where") && n == 1) code = do_status(1);
-    else if (!strcmp(what, "status") && n == 1) code = do_status(0);
-    else if (!strcmp(what, "plan") && n == 2) code = do_plan(argv[2]);
-    else if ((!strcmp(what, "capture") || !strcmp(what, "resume")) && n == 2) code = do_capture(argv[2]);
-    else if (!strcmp(what, "verify") && n == 2) code = do_verify(argv[2]);
-    else if (!strcmp(what, "keys") && n == 1) code = do_keys();
-    if (code < 0) cli_fail(CLI_USAGE, "expected %s", prog.operands);
+    if (!strcmp(what, "home") && n == 1)
+        code = do_home();
+    else if (!strcmp(what, "move") && n == 3)
+        code = do_move(argv[2], argv[3]);
+    else if (!strcmp(what, "where") && n == 1)
+        code = do_status(1);
+    else if (!strcmp(what, "status") && n == 1)
+        code = do_status(0);
+    else if (!strcmp(what, "plan") && n == 2)
+        code = show_plan(argv[2]);
+    else if ((!strcmp(what, "capture") || !strcmp(what, "resume")) && n == 2)
+        code = do_capture(argv[2]);
+    else if (!strcmp(what, "verify") && n == 2)
+        code = do_verify(argv[2]);
+    else if (!strcmp(what, "get") && n == 3)
+        code = show_get(argv[2], argv[3]);
+    else if (!strcmp(what, "list") && n == 2)
+        code = show_list(argv[2]);
+    else if (!strcmp(what, "keys") && n == 1)
+        code = show_keys();
+    if (code < 0 && n == 0)
+        cli_fail(CLI_USAGE, "expected a command: home, move, where, status, plan, capture, verify, keys");
+    if (code < 0)
+        cli_fail(CLI_USAGE, "expected a command with its arguments, found '%s' with %d", what, n - 1);
     return cli_end(code);
 }

@@ -30,19 +30,23 @@ int template_expand(char *out, size_t room, const char *text, const template_var
             p += 1 + len;
             if (*p == ':') {
                 if (v->text || p[1] != '0' || p[2] < '1' || p[2] > '9' || p[3] != '}')
-                    return err_set(e, "'%s': expected {%s} or, for whole numbers, {%s:0N}", text, v->name, v->name);
+                    return err_set(e, "'%s': expected {%s} or, for whole numbers, {%s:0N}", text, v->name,
+                                   v->name);
                 width = p[2] - '0';
                 p += 3;
             }
             if (*p != '}') return err_set(e, "'%s': a { without its }", text);
             p++;
-            if (v->text) put = v->text;
-            else snprintf(value, sizeof value, "%0*ld", width, v->number);
+            if (v->text)
+                put = v->text;
+            else
+                snprintf(value, sizeof value, "%0*ld", width, v->number);
         } else {
             p++;
         }
         size_t len = strlen(put);
-        if (n + len >= room) return err_set(e, "'%s': expected at most %zu characters once filled in", text, room - 1);
+        if (n + len >= room)
+            return err_set(e, "'%s': expected at most %zu characters once filled in", text, room - 1);
         memcpy(out + n, put, len);
         n += len;
     }

@@ -57,8 +57,10 @@ static void line(vc4 *c)
 {
     const long zero[2] = {0, 0};
     long by[2];
-    if (!strcmp(c->line, "!1fp")) say(c, "C4 V1.0");
-    else if (!strcmp(c->line, "!1h12")) begin(c, zero, 2);
+    if (!strcmp(c->line, "!1fp"))
+        say(c, "C4 V1.0");
+    else if (!strcmp(c->line, "!1h12"))
+        begin(c, zero, 2);
     else if (!strcmp(c->line, "!1a")) {
         double s[2];
         int moving;
@@ -69,7 +71,8 @@ static void line(vc4 *c)
         const long to[2] = {c->at[0] + by[0], c->at[1] + by[1]};
         say(c, "a");
         begin(c, to, 1);
-    } else say(c, "?");
+    } else
+        say(c, "?");
 }
 
 void vc4_byte(vc4 *c, unsigned char byte)
@@ -78,7 +81,8 @@ void vc4_byte(vc4 *c, unsigned char byte)
         c->line[c->n] = 0;
         c->n = 0;
         line(c);
-    } else if (c->n + 1 < sizeof c->line) c->line[c->n++] = (char)byte;
+    } else if (c->n + 1 < sizeof c->line)
+        c->line[c->n++] = (char)byte;
 }
 
 double vc4_next(const vc4 *c)
@@ -101,6 +105,7 @@ void vc4_truth(const vc4 *c, double steps[2], int *moving)
     *moving = c->end >= 0;
     for (int a = 0; a < 2; a++) {
         double f = *moving ? (c->now - c->start) / (c->end - c->start) : 0;
-        steps[a] = *moving ? (double)c->from[a] + fmin(1, f) * (double)(c->to[a] - c->from[a]) : (double)c->at[a];
+        steps[a] =
+            *moving ? (double)c->from[a] + fmin(1, f) * (double)(c->to[a] - c->from[a]) : (double)c->at[a];
     }
 }

@@ -7,10 +7,10 @@
 #include <stddef.h>
 
 typedef struct vc4 {
-    double now, step_rate;  /* s simulated; half steps/s */
+    double now, step_rate; /* s simulated; half steps/s */
     long at[2], from[2], to[2];
-    double start, end;      /* of the move; end < 0 = none */
-    int done_bytes;         /* 'o's to say at its end */
+    double start, end; /* of the move; end < 0 = none */
+    int done_bytes;    /* 'o's to say at its end */
     char line[64];
     size_t n;
     char out[256];

@@ -44,7 +44,8 @@ static void banner(vgrbl *g)
     g->ask_feed = 0;
     g->rx_n = 0;
     g->critical = 0;
-    if (g->state == V_ALARM) vgrbl_say(g, "[MSG:'$H'|'$X' to unlock]\r\n");
+    if (g->state == V_ALARM)
+        vgrbl_say(g, "[MSG:'$H'|'$X' to unlock]\r\n");
     else {
         g->state = V_IDLE;
         vgrbl_startup_line(g);
@@ -81,8 +82,10 @@ void vgrbl_alarm(vgrbl *g, int number, int critical)
 
 static void reset(vgrbl *g)
 {
-    int pending = g->waiting != 0, homing = g->state == V_HOME, moving = g->state == V_RUN || g->state == V_HOLD;
-    if (homing || (moving && g->moving)) vgrbl_alarm(g, homing ? 6 : 3, 0);
+    int pending = g->waiting != 0, homing = g->state == V_HOME,
+        moving = g->state == V_RUN || g->state == V_HOLD;
+    if (homing || (moving && g->moving))
+        vgrbl_alarm(g, homing ? 6 : 3, 0);
     else {
         stop_dead(g);
         if (g->state != V_ALARM) g->state = V_IDLE;
@@ -132,8 +135,10 @@ static double wall_time(const vgrbl *g)
             out |= t > 0.5 || t < -g->set.travel[a] - 0.5;
         }
         if (!pass && !out) return INFINITY;
-        if (out) hi = mid;
-        else lo = mid;
+        if (out)
+            hi = mid;
+        else
+            lo = mid;
     }
     return hi;
 }
@@ -142,18 +147,29 @@ static void strike(vgrbl *g)
 {
     g->fault_time = 0;
     switch (g->set.fault) {
-    case FAULT_ALARM1: vgrbl_alarm(g, 1, 1); break;
-    case FAULT_ALARM3: vgrbl_alarm(g, 3, 0); break;
+    case FAULT_ALARM1:
+        vgrbl_alarm(g, 1, 1);
+        break;
+    case FAULT_ALARM3:
+        vgrbl_alarm(g, 3, 0);
+        break;
     case FAULT_REBOOT:
         stop_dead(g);
         lose_steps(g);
         vgrbl_power_up(g);
         break;
-    case FAULT_SILENCE: g->silent = 1; break;
-    case FAULT_UNPLUG: g->unplugged = 1; break;
-    case FAULT_SLIP: g->shift[0] += 2; break;
+    case FAULT_SILENCE:
+        g->silent = 1;
+        break;
+    case FAULT_UNPLUG:
+        g->unplugged = 1;
+        break;
+    case FAULT_SLIP:
+        g->shift[0] += 2;
+        break;
     case FAULT_ERROR9:
-    case FAULT_NONE: break;
+    case FAULT_NONE:
+        break;
     }
 }
 
@@ -211,10 +227,14 @@ void vgrbl_advance(vgrbl *g, double now)
 {
     for (double t; (t = vgrbl_next(g)) <= now;) {
         g->now = fmax(g->now, t);
-        if (g->fault_time > 0 && t >= g->fault_time) strike(g);
-        else if (g->state == V_HOME) home_done(g);
-        else if (g->moving && g->state == V_RUN && t >= wall_time(g)) vgrbl_alarm(g, 1, 1);
-        else if (g->moving && (g->state == V_RUN || g->state == V_HOLD) && t >= vmove_end(&g->move)) move_done(g);
+        if (g->fault_time > 0 && t >= g->fault_time)
+            strike(g);
+        else if (g->state == V_HOME)
+            home_done(g);
+        else if (g->moving && g->state == V_RUN && t >= wall_time(g))
+            vgrbl_alarm(g, 1, 1);
+        else if (g->moving && (g->state == V_RUN || g->state == V_HOLD) && t >= vmove_end(&g->move))
+            move_done(g);
         else if (g->dwell_end > 0) {
             g->dwell_end = 0;
             g->waiting = 0;
@@ -252,22 +272,26 @@ static void status(vgrbl *g)
         xy[a] = round(xy[a] * g->set.steps_per_mm[a]) / g->set.steps_per_mm[a];
         if (g->set.work_positions) xy[a] -= g->set.offset[a];
     }
-    vgrbl_say(g, "<%s|%cPos:%.*f,%.*f,%.*f|FS:%.0f,0", names[g->state], g->set.work_positions ? 'W' : 'M', decimals,
-              xy[0] * unit, decimals, xy[1] * unit, decimals, 0.0, speed * 60 * unit);
+    vgrbl_say(g, "<%s|%cPos:%.*f,%.*f,%.*f|FS:%.0f,0", names[g->state], g->set.work_positions ? 'W' : 'M',
+              decimals, xy[0] * unit, decimals, xy[1] * unit, decimals, 0.0, speed * 60 * unit);
     if (g->queries % 10 == 3)
-        vgrbl_say(g, "|WCO:%.*f,%.*f,%.*f", decimals, g->set.offset[0] * unit, decimals, g->set.offset[1] * unit, decimals, 0.0);
+        vgrbl_say(g, "|WCO:%.*f,%.*f,%.*f", decimals, g->set.offset[0] * unit, decimals,
+                  g->set.offset[1] * unit, decimals, 0.0);
     vgrbl_say(g, ">\r\n");
 }
 
 void vgrbl_byte(vgrbl *g, unsigned char byte)
 {
     switch (byte) {
-    case '?': status(g); return;
+    case '?':
+        status(g);
+        return;
     case '!':
         if (g->state == V_RUN && g->moving) {
             vmove_hold(&g->move, g->now);
             g->state = V_HOLD;
-        } else if (g->state == V_IDLE) g->state = V_HELD;
+        } else if (g->state == V_IDLE)
+            g->state = V_HELD;
         return;
     case '~':
         if (g->state == V_HELD) {
@@ -280,8 +304,11 @@ void vgrbl_byte(vgrbl *g, unsigned char byte)
             }
         }
         return;
-    case 0x18: reset(g); return;
-    default: break;
+    case 0x18:
+        reset(g);
+        return;
+    default:
+        break;
     }
     if (byte >= 0x80) return;
     if (g->rx_n < sizeof g->rx) g->rx[g->rx_n++] = (char)byte;

@@ -1,8 +1,8 @@
 /*
  * vgrbl.h - a GRBL 1.1 controller with a stage attached, in simulated time (pure: bytes in, bytes out).
  *
- * What the controller believes (machine position) and where the stage truly stands are kept apart: they agree after
- * homing, and part again when the position is lost.
+ * What the controller believes (machine position) and where the stage truly stands are kept apart: they agree
+ * after homing, and part again when the position is lost.
  */
 #ifndef VGRBL_H
 #define VGRBL_H
@@ -30,29 +30,29 @@ typedef enum vgrbl_fault {
 typedef struct vgrbl_settings {
     double steps_per_mm[2], max_rate[2] /* mm/min */, acceleration[2] /* mm/s2 */, travel[2] /* mm */;
     int inches, work_positions, homing, soft_limits, hard_limits, home_direction, hal;
-    double home_rate;   /* mm/min */
-    double offset[2];   /* G54, mm */
+    double home_rate;    /* mm/min */
+    double offset[2];    /* G54, mm */
     const char *startup; /* $N0, or NULL */
-    int skip_status;    /* answer one '?' in so many; 0, 1 = all */
-    int late_ok;        /* a reset answers the pending command first */
+    int skip_status;     /* answer one '?' in so many; 0, 1 = all */
+    int late_ok;         /* a reset answers the pending command first */
     vgrbl_fault fault;
-    long fault_at;      /* number of the move, from 1 */
+    long fault_at; /* number of the move, from 1 */
 } vgrbl_settings;
 
 typedef struct vgrbl {
     vgrbl_settings set;
-    double now;         /* s, simulated */
+    double now; /* s, simulated */
     vgrbl_state state;
-    int critical;       /* deaf to lines until reset */
-    double belief[2], shift[2]; /* machine position; truth - belief */
-    vmove move;         /* the one under way */
+    int critical;                   /* deaf to lines until reset */
+    double belief[2], shift[2];     /* machine position; truth - belief */
+    vmove move;                     /* the one under way */
     double queue[VGRBL_PLANNER][3]; /* targets and feed (mm/s) behind it */
     int moving, queued;
-    double ask_feed;    /* modal: mm/min, 0 = none */
+    double ask_feed; /* modal: mm/min, 0 = none */
     int inch_mode, relative, motion;
-    double dwell_end;   /* > 0: a dwell runs */
+    double dwell_end; /* > 0: a dwell runs */
     double dwell_s;
-    int waiting;        /* 0 none, 'd' dwell wants an empty planner, 'p' move wants room, 'h' homing */
+    int waiting; /* 0 none, 'd' dwell wants an empty planner, 'p' move wants room, 'h' homing */
     double held_target[3];
     double home_end, home_from[2];
     char rx[VGRBL_RX];
@@ -60,7 +60,7 @@ typedef struct vgrbl {
     char out[VGRBL_OUT];
     size_t out_n;
     long moves, queries;
-    double fault_time;  /* > 0: when the fault strikes */
+    double fault_time; /* > 0: when the fault strikes */
     int silent, unplugged;
 } vgrbl;
 

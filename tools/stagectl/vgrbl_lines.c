@@ -15,12 +15,18 @@ typedef struct words {
 static double *slot(words *w, char letter)
 {
     switch (letter) {
-    case 'X': return &w->x;
-    case 'Y': return &w->y;
-    case 'Z': return &w->z;
-    case 'F': return &w->f;
-    case 'P': return &w->p;
-    default: return NULL;
+    case 'X':
+        return &w->x;
+    case 'Y':
+        return &w->y;
+    case 'Z':
+        return &w->z;
+    case 'F':
+        return &w->f;
+    case 'P':
+        return &w->p;
+    default:
+        return NULL;
     }
 }
 
@@ -29,16 +35,31 @@ static int take_g(words *w, double v)
 {
     if (v != floor(v)) return 20;
     switch ((int)v) {
-    case 0: case 1:
+    case 0:
+    case 1:
         if (w->motion >= 0) return 21;
         w->motion = (int)v;
         return 0;
-    case 4: w->dwell = 1; return 0;
-    case 20: case 21: w->units = (int)v == 20; return 0;
-    case 53: w->absolute_machine = 1; return 0;
-    case 90: case 91: w->distance = (int)v == 91; return 0;
-    case 17: case 54: case 94: return 0;
-    default: return 20;
+    case 4:
+        w->dwell = 1;
+        return 0;
+    case 20:
+    case 21:
+        w->units = (int)v == 20;
+        return 0;
+    case 53:
+        w->absolute_machine = 1;
+        return 0;
+    case 90:
+    case 91:
+        w->distance = (int)v == 91;
+        return 0;
+    case 17:
+    case 54:
+    case 94:
+        return 0;
+    default:
+        return 20;
     }
 }
 
@@ -53,14 +74,18 @@ static int parse(words *w, const char *line)
         }
         if (!isalpha((unsigned char)letter)) return 1;
         double v = strtod(p + 1, &end);
-        if (end == p + 1 || !isfinite(v) || toupper((unsigned char)p[1]) == 'I' || toupper((unsigned char)p[1]) == 'N') return 2;
+        if (end == p + 1 || !isfinite(v) || toupper((unsigned char)p[1]) == 'I' ||
+            toupper((unsigned char)p[1]) == 'N')
+            return 2;
         p = end;
         int bad = 0;
-        if (letter == 'G') bad = take_g(w, v);
+        if (letter == 'G')
+            bad = take_g(w, v);
         else if (slot(w, letter)) {
             if (!isnan(*slot(w, letter))) return 25;
             *slot(w, letter) = v;
-        } else if (letter != 'N') bad = 20;
+        } else if (letter != 'N')
+            bad = 20;
         if (bad) return bad;
     }
     return 0;
@@ -93,8 +118,10 @@ static int run(vgrbl *g, const char *line)
     if (g->motion == 1 && !(g->ask_feed > 0)) return 22;
     double at[2], to[2], given[2] = {w.x, w.y};
     /* the planner's end, not where the stage is just now */
-    if (g->queued > 0) memcpy(at, g->queue[g->queued - 1], sizeof at);
-    else memcpy(at, g->moving ? g->move.to : g->belief, sizeof at);
+    if (g->queued > 0)
+        memcpy(at, g->queue[g->queued - 1], sizeof at);
+    else
+        memcpy(at, g->moving ? g->move.to : g->belief, sizeof at);
     for (int a = 0; a < 2; a++) {
         double base = w.absolute_machine ? 0 : g->relative ? at[a] : g->set.offset[a];
         to[a] = isnan(given[a]) ? at[a] : base + given[a] * unit;
@@ -122,16 +149,22 @@ void vgrbl_startup_line(vgrbl *g)
 {
     if (!g->set.startup || g->state == V_ALARM) return;
     int bad = run(g, g->set.startup);
-    if (bad > 0) vgrbl_say(g, ">%s:error:%d\r\n", g->set.startup, bad);
-    else vgrbl_say(g, ">%s:ok\r\n", g->set.startup);
+    if (bad > 0)
+        vgrbl_say(g, ">%s:error:%d\r\n", g->set.startup, bad);
+    else
+        vgrbl_say(g, ">%s:ok\r\n", g->set.startup);
 }
 
 static void settings(vgrbl *g)
 {
     const vgrbl_settings *s = &g->set;
-    vgrbl_say(g, "$0=10\r\n$1=25\r\n$2=0\r\n$3=0\r\n$4=0\r\n$5=0\r\n$6=0\r\n$10=%d\r\n$11=0.010\r\n$12=0.002\r\n$13=%d\r\n",
+    vgrbl_say(g,
+              "$0=10\r\n$1=25\r\n$2=0\r\n$3=0\r\n$4=0\r\n$5=0\r\n$6=0\r\n$10=%d\r\n$11=0.010\r\n$12=0."
+              "002\r\n$13=%d\r\n",
               s->work_positions ? 0 : 1, s->inches);
-    vgrbl_say(g, "$20=%d\r\n$21=%d\r\n$22=%d\r\n$23=%d\r\n$24=25.000\r\n$25=%.3f\r\n$26=250\r\n$27=1.000\r\n$30=1000\r\n$31=0\r\n$32=0\r\n",
+    vgrbl_say(g,
+              "$20=%d\r\n$21=%d\r\n$22=%d\r\n$23=%d\r\n$24=25.000\r\n$25=%.3f\r\n$26=250\r\n$27=1.000\r\n$30="
+              "1000\r\n$31=0\r\n$32=0\r\n",
               s->soft_limits, s->hard_limits, s->homing, s->home_direction, s->home_rate);
     for (int a = 0; a < 2; a++) vgrbl_say(g, "$%d=%.3f\r\n", 100 + a, s->steps_per_mm[a]);
     for (int a = 0; a < 2; a++) vgrbl_say(g, "$%d=%.3f\r\n", 110 + a, s->max_rate[a]);
@@ -162,23 +195,31 @@ static int dollar(vgrbl *g, const char *line)
         return -1;
     }
     if (!quiet) return 8;
-    if (!strcmp(line, "$$")) settings(g);
-    else if (!strcmp(line, "$I")) vgrbl_say(g, "[VER:1.1h.20190825:]\r\n[OPT:V,15,128]\r\n");
+    if (!strcmp(line, "$$"))
+        settings(g);
+    else if (!strcmp(line, "$I"))
+        vgrbl_say(g, "[VER:1.1h.20190825:]\r\n[OPT:V,15,128]\r\n");
     else if (!strcmp(line, "$G"))
-        vgrbl_say(g, "[GC:G%d G54 G17 G%d G%d G94 M5 M9 T0 F%.0f S0]\r\n", g->motion, g->inch_mode ? 20 : 21, g->relative ? 91 : 90,
-                  g->ask_feed);
-    else return 3;
+        vgrbl_say(g, "[GC:G%d G54 G17 G%d G%d G94 M5 M9 T0 F%.0f S0]\r\n", g->motion, g->inch_mode ? 20 : 21,
+                  g->relative ? 91 : 90, g->ask_feed);
+    else
+        return 3;
     return 0;
 }
 
 void vgrbl_line(vgrbl *g, char *line)
 {
     int bad;
-    if (line[0] == '$') bad = dollar(g, line);
-    else if (line[0] == 0) bad = 0;
-    else bad = g->state == V_ALARM ? 9 : run(g, line);
-    if (bad == 0) vgrbl_say(g, "ok\r\n");
-    else if (bad > 0) vgrbl_say(g, "error:%d\r\n", bad);
+    if (line[0] == '$')
+        bad = dollar(g, line);
+    else if (line[0] == 0)
+        bad = 0;
+    else
+        bad = g->state == V_ALARM ? 9 : run(g, line);
+    if (bad == 0)
+        vgrbl_say(g, "ok\r\n");
+    else if (bad > 0)
+        vgrbl_say(g, "error:%d\r\n", bad);
 }
 
 /* Lines wait while a command is under way whose answer is due first. */
@@ -199,7 +240,9 @@ void vgrbl_lines(vgrbl *g)
         line[n] = 0;
         memmove(g->rx, g->rx + n + 1, g->rx_n - n - 1);
         g->rx_n -= n + 1;
-        if (n > 79) vgrbl_say(g, "error:11\r\n");
-        else vgrbl_line(g, line);
+        if (n > 79)
+            vgrbl_say(g, "error:11\r\n");
+        else
+            vgrbl_line(g, line);
     }
 }

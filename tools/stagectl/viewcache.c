@@ -41,15 +41,17 @@ static int get_string(char *s, size_t room, FILE *f)
     return ferror(f) || feof(f) ? -1 : (int)n;
 }
 
-/* An octree: text header to an empty line, 2 bytes that tell the size of an object number (magic 4*8+251+size, see
- * Radiance's octree.h), 4 strings for the bounding cube, one object number, then the names of
- * the scene files, ended by an empty one (none when frozen).  Files that are not found are left to rtrace to miss. */
+/* An octree: text header to an empty line, 2 bytes that tell the size of an object number (magic
+ * 4*8+251+size, see Radiance's octree.h), 4 strings for the bounding cube, one object number, then the names
+ * of the scene files, ended by an empty one (none when frozen).  Files that are not found are left to rtrace
+ * to miss. */
 static void add_scene_files(sha256 *h, const char *octree)
 {
     char s[4096];
     FILE *f = fopen(octree, "rb");
     if (!f) return;
-    while (fgets(s, sizeof s, f) && s[0] != '\n') {}
+    while (fgets(s, sizeof s, f) && s[0] != '\n') {
+    }
     int high = getc(f), low = getc(f), ok = low != EOF;
     for (int i = 0; i < 4 && ok; i++) ok = get_string(s, sizeof s, f) >= 0;
     int width = (high * 256 + low) - (4 * 8 + 251);
@@ -145,6 +147,7 @@ int view_store(const float *radiance, int size, const char *dir, const char *key
     free(path);
     if (bad) return -1;
     fprintf(out_stream(o), "PF\n%d %d\n-1.0\n", size, size);
-    for (int y = size - 1; y >= 0; y--) fwrite(radiance + (size_t)y * row, sizeof *radiance, row, out_stream(o));
+    for (int y = size - 1; y >= 0; y--)
+        fwrite(radiance + (size_t)y * row, sizeof *radiance, row, out_stream(o));
     return out_commit(o, e);
 }

@@ -28,8 +28,8 @@ typedef struct pass {
     const size_t *pixel; /* NULL: all */
     size_t n;
     int k;
-    int fd;         /* write end */
-    int broken;     /* writer: pipe closed before the end */
+    int fd;     /* write end */
+    int broken; /* writer: pipe closed before the end */
 } pass;
 
 typedef struct brightness {
@@ -120,7 +120,8 @@ static void last_words(char out[256], FILE *f)
     }
 }
 
-static int start(pid_t *pid, const view_settings *s, const int in[2], const int out[2], FILE *errors, errmsg *e)
+static int start(pid_t *pid, const view_settings *s, const int in[2], const int out[2], FILE *errors,
+                 errmsg *e)
 {
     char procs[16];
     int n = 0, rc;
@@ -188,7 +189,8 @@ static int run_pass(float *radiance, brightness *range, pass *p, const view_sett
     if (in[1] >= 0) close(in[1]);
     if (out[0] >= 0) close(out[0]);
     if (pid > 0) {
-        while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {}
+        while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+        }
         last_words(words, errors);
         if (status != 0 || (bad && words[0]))
             bad = err_set(e, "%s: %s", s->octree, words[0] ? words : "rtrace failed without words");
@@ -216,14 +218,16 @@ static int by_place(const void *a, const void *b)
 }
 
 /* Pixels with more than half the picture's mean luminance between the darkest and the brightest ray
- * of their 3 x 3 neighbourhood; the strongest sixteenth of the picture at most, because a scene that is noise all over gains
- * nothing from more of it.  Returns their number, sorted by place. */
-static size_t contrasty(size_t *list, candidate *cand, const brightness *range, const float *radiance, int size)
+ * of their 3 x 3 neighbourhood; the strongest sixteenth of the picture at most, because a scene that is noise
+ * all over gains nothing from more of it.  Returns their number, sorted by place. */
+static size_t contrasty(size_t *list, candidate *cand, const brightness *range, const float *radiance,
+                        int size)
 {
     size_t n = (size_t)size, m = 0, most = n * n / 16 + 1;
     double mean = 0;
     for (size_t i = 0; i < n * n; i++)
-        mean += 0.265 * (double)radiance[3 * i] + 0.670 * (double)radiance[3 * i + 1] + 0.065 * (double)radiance[3 * i + 2];
+        mean += 0.265 * (double)radiance[3 * i] + 0.670 * (double)radiance[3 * i + 1] +
+                0.065 * (double)radiance[3 * i + 2];
     mean /= (double)(n * n) * M_PI / 4; /* the circle's share of the square */
     for (int y = 0; y < size; y++)
         for (int x = 0; x < size; x++) {

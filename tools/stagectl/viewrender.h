@@ -2,8 +2,8 @@
  * viewrender.h - what the virtual camera's lens sees, as radiance, by rtrace.
  *
  * Why rtrace and not rpict: every lens takes the same way, and the values come as floats. An rpict
- * picture carries 8-bit mantissas under a shared exponent, up to 0.4 % off and far more in the weak channels of
- * a coloured lamp, which would be taken for errors of the chain under test.
+ * picture carries 8-bit mantissas under a shared exponent, up to 0.4 % off and far more in the weak channels
+ * of a coloured lamp, which would be taken for errors of the chain under test.
  *
  * Each pixel is the mean over K x K jittered rays; where the brightness range around a pixel stands
  * out (a lamp's edge, a lamp smaller than a pixel) it is taken again with R x R.  Small lamps are the
@@ -16,7 +16,7 @@
 #include "fisheye.h"
 
 typedef struct view_settings {
-    const char *rtrace;      /* program */
+    const char *rtrace; /* program */
     const char *octree;
     const argwords *options; /* further arguments for rtrace */
     int supersample, refine; /* K; R, 0 = no refinement */

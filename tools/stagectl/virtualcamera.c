@@ -23,8 +23,19 @@ static struct {
     double plane[9], at[2], seconds, fov, full_scale, full_well, read_noise;
     int grid[2], node[2], size, bits, seed, no_noise, supersample, refine;
     int have_plane, have_grid, have_node, have_at;
-} o = {.lens = "equidistant", .response = "linear", .render_options = "", .seconds = NAN, .fov = 185, .full_scale = 1,
-       .full_well = 20000, .read_noise = 10, .size = 512, .bits = 8, .seed = 1, .supersample = 2, .refine = 16};
+} o = {.lens = "equidistant",
+       .response = "linear",
+       .render_options = "",
+       .seconds = NAN,
+       .fov = 185,
+       .full_scale = 1,
+       .full_well = 20000,
+       .read_noise = 10,
+       .size = 512,
+       .bits = 8,
+       .seed = 1,
+       .supersample = 2,
+       .refine = 16};
 
 static int take_plane(const char *value, void *arg, errmsg *e)
 {
@@ -70,7 +81,8 @@ static int take_seconds(const char *value, void *arg, errmsg *e)
 
 static const cli_opt opts[] = {
     {"octree", 0, CLI_STRING, &o.octree, NULL, "FILE", "scene, as made by oconv"},
-    {"plane", 0, CLI_CALL, NULL, take_plane, "\"O U V\"", "sampled rectangle: nine reals, corner and two edges"},
+    {"plane", 0, CLI_CALL, NULL, take_plane, "\"O U V\"",
+     "sampled rectangle: nine reals, corner and two edges"},
     {"grid", 0, CLI_CALL, NULL, take_grid, "NxM", "grid nodes along U and V"},
     {"node", 0, CLI_CALL, NULL, take_node, "I,J", "stand at this grid node"},
     {"at", 0, CLI_CALL, NULL, take_at, "X,Y", "or at these lengths along U and V from O"},
@@ -78,11 +90,13 @@ static const cli_opt opts[] = {
     {"output", 'o', CLI_STRING, &o.out, NULL, "OUT", ".png, .ppm; .exr or .hdr: the radiance itself"},
     {"size", 0, CLI_INT, &o.size, NULL, "N", "pixels along each side (512)"},
     {"fov", 0, CLI_DOUBLE, &o.fov, NULL, "DEG", "field of view across the image circle (185)"},
-    {"lens", 0, CLI_STRING, &o.lens, NULL, "NAME", "equidistant (default), equisolid, stereographic, orthographic"},
+    {"lens", 0, CLI_STRING, &o.lens, NULL, "NAME",
+     "equidistant (default), equisolid, stereographic, orthographic"},
     {"supersample", 0, CLI_INT, &o.supersample, NULL, "K", "K x K rays a pixel (2)"},
     {"refine", 0, CLI_INT, &o.refine, NULL, "R", "R x R rays at edges of bright things (16); 0 = off"},
     {"falloff", 0, CLI_STRING, &o.falloff, NULL, "FILE", "brightness falloff: lines 'degrees R G B'"},
-    {"response", 0, CLI_STRING, &o.response, NULL, "NAME", "linear (default), srgb, gamma:G or a file from hdrgen --save-response"},
+    {"response", 0, CLI_STRING, &o.response, NULL, "NAME",
+     "linear (default), srgb, gamma:G or a file from hdrgen --save-response"},
     {"bits", 0, CLI_INT, &o.bits, NULL, "B", "bits per sample, 1..16 (8)"},
     {"full-scale", 0, CLI_DOUBLE, &o.full_scale, NULL, "R", "radiance that just saturates in 1 s (1)"},
     {"electrons", 0, CLI_DOUBLE, &o.full_well, NULL, "F", "full well in electrons (20000)"},
@@ -90,8 +104,10 @@ static const cli_opt opts[] = {
     {"seed", 0, CLI_INT, &o.seed, NULL, "N", "seed of the noise (1)"},
     {"no-noise", 0, CLI_FLAG, &o.no_noise, NULL, NULL, "no photon and read noise"},
     {"cache", 0, CLI_STRING, &o.cache, NULL, "DIR", "keep renderings here for the next exposure"},
-    {"render-options", 0, CLI_STRING, &o.render_options, NULL, "WORDS", "options for rtrace, e.g. \"-ab 2 -aa .1\""},
-    {"rtrace", 0, CLI_STRING, &o.rtrace, NULL, "PROGRAM", "renderer (rtrace beside this program, else in PATH)"},
+    {"render-options", 0, CLI_STRING, &o.render_options, NULL, "WORDS",
+     "options for rtrace, e.g. \"-ab 2 -aa .1\""},
+    {"rtrace", 0, CLI_STRING, &o.rtrace, NULL, "PROGRAM",
+     "renderer (rtrace beside this program, else in PATH)"},
     {0}};
 
 static const cli_prog prog = {
@@ -130,13 +146,16 @@ static void check_options(void)
     if (o.have_at == o.have_node) cli_fail(CLI_USAGE, "expected either --node I,J or --at X,Y");
     if (o.have_node && !o.have_grid) cli_fail(CLI_USAGE, "expected --grid NxM with --node");
     if (!o.out) cli_fail(CLI_USAGE, "expected -o OUT");
-    if (o.supersample < 1 || o.supersample > 64) cli_fail(CLI_USAGE, "--supersample: expected 1..64, found %d", o.supersample);
+    if (o.supersample < 1 || o.supersample > 64)
+        cli_fail(CLI_USAGE, "--supersample: expected 1..64, found %d", o.supersample);
     if (o.refine < 0 || o.refine > 256) cli_fail(CLI_USAGE, "--refine: expected 0..256, found %d", o.refine);
     if (o.bits < 1 || o.bits > 16) cli_fail(CLI_USAGE, "--bits: expected 1..16, found %d", o.bits);
-    if (!(o.full_scale > 0)) cli_fail(CLI_USAGE, "--full-scale: expected radiance above 0, found %g", o.full_scale);
+    if (!(o.full_scale > 0))
+        cli_fail(CLI_USAGE, "--full-scale: expected radiance above 0, found %g", o.full_scale);
     if (!(o.full_well >= 1 && o.full_well <= 1e9))
         cli_fail(CLI_USAGE, "--electrons: expected 1..1e9, found %g", o.full_well);
-    if (!(o.read_noise >= 0)) cli_fail(CLI_USAGE, "--read-noise: expected 0 or more electrons, found %g", o.read_noise);
+    if (!(o.read_noise >= 0))
+        cli_fail(CLI_USAGE, "--read-noise: expected 0 or more electrons, found %g", o.read_noise);
 }
 
 static int is_radiance_map(const char *path)
@@ -148,8 +167,10 @@ static int is_radiance_map(const char *path)
 static void set_response(development *d, curve3 *table)
 {
     errmsg e;
-    if (!strcmp(o.response, "linear")) d->response = RESPONSE_LINEAR;
-    else if (!strcmp(o.response, "srgb")) d->response = RESPONSE_SRGB;
+    if (!strcmp(o.response, "linear"))
+        d->response = RESPONSE_LINEAR;
+    else if (!strcmp(o.response, "srgb"))
+        d->response = RESPONSE_SRGB;
     else if (!strncmp(o.response, "gamma:", 6)) {
         d->response = RESPONSE_GAMMA;
         if (cli_parse_double(&d->gamma, o.response + 6, &e) != 0 || !(d->gamma >= 0.1 && d->gamma <= 10))
@@ -200,20 +221,28 @@ int main(int argc, char **argv)
         cli_fail(CLI_USAGE, "%s: expected a name that ends in .png, .ppm, .exr or .hdr", o.out);
     if (!map && isnan(o.seconds)) cli_fail(CLI_USAGE, "expected --seconds T");
     if (fisheye_make(&f, o.lens, o.fov, o.size, &e) != 0) cli_fail(CLI_USAGE, "%s", e.text);
-    if ((o.have_node ? camera_at_node(&c, o.plane, o.grid, o.node, &e) : camera_at_point(&c, o.plane, o.at, &e)) != 0)
+    if ((o.have_node ? camera_at_node(&c, o.plane, o.grid, o.node, &e)
+                     : camera_at_point(&c, o.plane, o.at, &e)) != 0)
         cli_fail(CLI_USAGE, "%s", e.text);
     if (argwords_split(&words, o.render_options, &e) != 0 || view_check_options(&words, &e) != 0)
         cli_fail(CLI_USAGE, "%s", e.text);
-    development d = {.full_scale = o.full_scale, .full_well = o.full_well, .read_noise = o.read_noise,
-                     .noise = !o.no_noise, .bits = o.bits};
+    development d = {.full_scale = o.full_scale,
+                     .full_well = o.full_well,
+                     .read_noise = o.read_noise,
+                     .noise = !o.no_noise,
+                     .bits = o.bits};
     set_response(&d, &table);
     if (o.falloff) {
         if (curve_load_falloff(&falloff, o.falloff, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
         d.falloff = &falloff;
     }
     if (!o.rtrace) find_rtrace(beside);
-    view_settings s = {.rtrace = o.rtrace ? o.rtrace : beside, .octree = o.octree, .options = &words,
-                       .supersample = o.supersample, .refine = o.refine, .processes = cli_threads > 1 ? cli_threads : 1};
+    view_settings s = {.rtrace = o.rtrace ? o.rtrace : beside,
+                       .octree = o.octree,
+                       .options = &words,
+                       .supersample = o.supersample,
+                       .refine = o.refine,
+                       .processes = cli_threads > 1 ? cli_threads : 1};
 
     size_t n = (size_t)f.size * (size_t)f.size * 3;
     float *radiance = calloc(n, sizeof *radiance);

@@ -1,8 +1,8 @@
 /*
  * virtualstage.c - a stage on a pseudo-terminal: for the digital twin and for tests.
  *
- * The controllers are pure (vgrbl.c, vc4.c) and live in simulated time; this file is their clock, their wire with its faults, and
- * the socket that tells where the stage truly stands.
+ * The controllers are pure (vgrbl.c, vc4.c) and live in simulated time; this file is their clock, their wire
+ * with its faults, and the socket that tells where the stage truly stands.
  */
 #include <errno.h>
 #include <fcntl.h>
@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <termios.h>
@@ -27,8 +28,15 @@
 static struct {
     const char *dialect, *link, *truth, *fault, *startup;
     double factor, travel[2], steps[2], rate, acceleration, home_rate, start[2], offset[2], late_ok, boot;
-    int inches, work, no_homing, hard, no_soft, split, noise, skip_status, c4, home_direction, reset_ok, deaf;
-} o = {.dialect = "grbl", .factor = 1, .travel = {800, 800}, .steps = {80, 80}, .rate = 6000, .acceleration = 200, .home_rate = 1500,
+    int inches, work, no_homing, hard, no_soft, with_parent, split, noise, skip_status, c4, home_direction,
+        reset_ok, deaf;
+} o = {.dialect = "grbl",
+       .factor = 1,
+       .travel = {800, 800},
+       .steps = {80, 80},
+       .rate = 6000,
+       .acceleration = 200,
+       .home_rate = 1500,
        .start = {-123.4, -234.5}};
 
 static int take_pair(const char *value, void *arg, errmsg *e)
@@ -39,14 +47,16 @@ static int take_pair(const char *value, void *arg, errmsg *e)
 static const cli_opt opts[] = {
     {"dialect", 0, CLI_STRING, &o.dialect, NULL, "NAME", "grbl (default), grblhal or c4"},
     {"link", 0, CLI_STRING, &o.link, NULL, "PATH", "symbolic link to the terminal; removed at the end"},
-    {"truth", 0, CLI_STRING, &o.truth, NULL, "PATH", "socket: whoever connects is told 'X Y SPEED' in true mm and mm/s"},
+    {"truth", 0, CLI_STRING, &o.truth, NULL, "PATH",
+     "socket: whoever connects is told 'X Y SPEED' in true mm and mm/s"},
     {"time-factor", 0, CLI_DOUBLE, &o.factor, NULL, "F", "the stage's seconds in one of ours (1)"},
     {"travel", 0, CLI_CALL, o.travel, take_pair, "X,Y", "length of the axes, mm (800,800)"},
     {"steps", 0, CLI_CALL, o.steps, take_pair, "X,Y", "steps/mm (80,80)"},
     {"max-rate", 0, CLI_DOUBLE, &o.rate, NULL, "F", "fastest of each axis, mm/min (6000)"},
     {"acceleration", 0, CLI_DOUBLE, &o.acceleration, NULL, "A", "of each axis, mm/s2 (200)"},
     {"home-rate", 0, CLI_DOUBLE, &o.home_rate, NULL, "F", "homing speed, mm/min (1500)"},
-    {"home-direction", 0, CLI_INT, &o.home_direction, NULL, "BITS", "$23: axes that home at their low end (0)"},
+    {"home-direction", 0, CLI_INT, &o.home_direction, NULL, "BITS",
+     "$23: axes that home at their low end (0)"},
     {"start", 0, CLI_CALL, o.start, take_pair, "X,Y", "true position at power-up, mm from the switches"},
     {"work-offset", 0, CLI_CALL, o.offset, take_pair, "X,Y", "G54, mm (0,0)"},
     {"startup", 0, CLI_STRING, &o.startup, NULL, "LINE", "$N0: line run at start and after homing, e.g. G20"},
@@ -62,12 +72,17 @@ static const cli_opt opts[] = {
     {"deaf", 0, CLI_FLAG, &o.deaf, NULL, NULL, "never answer anything"},
     {"split", 0, CLI_FLAG, &o.split, NULL, NULL, "hand out single bytes, 1 ms apart"},
     {"noise", 0, CLI_FLAG, &o.noise, NULL, NULL, "bytes of noise and lines of nonsense between the lines"},
-    {"fault", 0, CLI_STRING, &o.fault, NULL, "KIND@N", "in move N: alarm1 alarm3 error9 reboot silence unplug slip"},
+    {"with-parent", 0, CLI_FLAG, &o.with_parent, NULL, NULL, "end when the process that started it ends"},
+    {"fault", 0, CLI_STRING, &o.fault, NULL, "KIND@N",
+     "in move N: alarm1 alarm3 error9 reboot silence unplug slip"},
     {0}};
 
-static const cli_prog prog = {.name = "virtualstage", .operands = "[--link PATH]",
-                              .summary = "Answer as a stage's controller on a pseudo-terminal.", .opts = opts,
-                              .epilog = "The terminal's name is printed on standard output.  Ends on SIGTERM."};
+static const cli_prog prog = {.name = "virtualstage",
+                              .operands = "[--link PATH]",
+                              .summary = "Answer as a stage's controller on a pseudo-terminal.",
+                              .opts = opts,
+                              .epilog =
+                                  "The terminal's name is printed on standard output.  Ends on SIGTERM."};
 
 typedef struct chunk {
     double due;
@@ -95,7 +110,8 @@ static void on_end(int sig)
 
 static void parse_fault(vgrbl_settings *s)
 {
-    static const char *const names[] = {"", "alarm1", "alarm3", "error9", "reboot", "silence", "unplug", "slip"};
+    static const char *const names[] = {"",       "alarm1",  "alarm3", "error9",
+                                        "reboot", "silence", "unplug", "slip"};
     char kind[32], rest;
     if (!o.fault) return;
     if (sscanf(o.fault, "%31[a-z0-9]@%ld%c", kind, &s->fault_at, &rest) == 2 && s->fault_at > 0)
@@ -148,8 +164,10 @@ static void collect(void)
         }
         at += len;
     }
-    if (o.c4) v.c.out_n = 0;
-    else v.g.out_n = 0;
+    if (o.c4)
+        v.c.out_n = 0;
+    else
+        v.g.out_n = 0;
 }
 
 static void flush_wire(void)
@@ -172,9 +190,11 @@ static void tell_truth(void)
         vc4_truth(&v.c, xy, &moving);
         for (int a = 0; a < 2; a++) xy[a] /= o.steps[a];
         speed = moving;
-    } else vgrbl_truth(&v.g, xy, &speed);
+    } else
+        vgrbl_truth(&v.g, xy, &speed);
     int n = snprintf(line, sizeof line, "%.6f %.6f %.6f\n", xy[0], xy[1], speed);
-    if (write(fd, line, (size_t)n) < 0) {}
+    if (write(fd, line, (size_t)n) < 0) {
+    }
     close(fd);
 }
 
@@ -183,11 +203,13 @@ static void open_truth(void)
     struct sockaddr_un a = {.sun_family = AF_UNIX};
     v.truth_fd = -1;
     if (!o.truth) return;
-    if (strlen(o.truth) >= sizeof a.sun_path) cli_fail(CLI_FAILED, "%s: the name is too long for a socket", o.truth);
+    if (strlen(o.truth) >= sizeof a.sun_path)
+        cli_fail(CLI_FAILED, "%s: the name is too long for a socket", o.truth);
     strcpy(a.sun_path, o.truth);
     unlink(o.truth);
     v.truth_fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-    if (v.truth_fd < 0 || bind(v.truth_fd, (struct sockaddr *)&a, sizeof a) != 0 || listen(v.truth_fd, 16) != 0)
+    if (v.truth_fd < 0 || bind(v.truth_fd, (struct sockaddr *)&a, sizeof a) != 0 ||
+        listen(v.truth_fd, 16) != 0)
         cli_fail(CLI_FAILED, "%s: %s", o.truth, strerror(errno));
 }
 
@@ -195,7 +217,8 @@ static void open_line(void)
 {
     char name[128];
     struct termios t;
-    if (openpty(&v.master, &v.slave, name, NULL, NULL) != 0) cli_fail(CLI_FAILED, "no pseudo-terminal: %s", strerror(errno));
+    if (openpty(&v.master, &v.slave, name, NULL, NULL) != 0)
+        cli_fail(CLI_FAILED, "no pseudo-terminal: %s", strerror(errno));
     tcgetattr(v.slave, &t);
     cfmakeraw(&t);
     tcsetattr(v.slave, TCSANOW, &t);
@@ -214,14 +237,25 @@ static void start_controller(void)
     o.c4 = !strcmp(o.dialect, "c4");
     if (!o.c4 && !hal && strcmp(o.dialect, "grbl") != 0)
         cli_fail(CLI_USAGE, "--dialect: expected grbl, grblhal or c4, found '%s'", o.dialect);
-    if (!(o.factor > 0 && o.rate > 0 && o.acceleration > 0 && o.home_rate > 0 && o.steps[0] > 0 && o.steps[1] > 0))
+    if (!(o.factor > 0 && o.rate > 0 && o.acceleration > 0 && o.home_rate > 0 && o.steps[0] > 0 &&
+          o.steps[1] > 0))
         cli_fail(CLI_USAGE, "expected factor, rates, acceleration and steps above 0");
-    vgrbl_settings s = {.steps_per_mm = {o.steps[0], o.steps[1]}, .max_rate = {o.rate, o.rate},
-                        .acceleration = {o.acceleration, o.acceleration}, .travel = {o.travel[0], o.travel[1]},
-                        .inches = o.inches, .work_positions = o.work, .homing = !o.no_homing,
-                        .soft_limits = !o.no_soft && !o.no_homing, .hard_limits = o.hard, .home_direction = o.home_direction,
-                        .hal = hal, .home_rate = o.home_rate, .offset = {o.offset[0], o.offset[1]}, .startup = o.startup,
-                        .skip_status = o.skip_status, .late_ok = o.reset_ok};
+    vgrbl_settings s = {.steps_per_mm = {o.steps[0], o.steps[1]},
+                        .max_rate = {o.rate, o.rate},
+                        .acceleration = {o.acceleration, o.acceleration},
+                        .travel = {o.travel[0], o.travel[1]},
+                        .inches = o.inches,
+                        .work_positions = o.work,
+                        .homing = !o.no_homing,
+                        .soft_limits = !o.no_soft && !o.no_homing,
+                        .hard_limits = o.hard,
+                        .home_direction = o.home_direction,
+                        .hal = hal,
+                        .home_rate = o.home_rate,
+                        .offset = {o.offset[0], o.offset[1]},
+                        .startup = o.startup,
+                        .skip_status = o.skip_status,
+                        .late_ok = o.reset_ok};
     parse_fault(&s);
     vgrbl_init(&v.g, &s, o.start);
     const long at[2] = {lround(o.start[0] * o.steps[0]), lround(o.start[1] * o.steps[1])};
@@ -248,20 +282,26 @@ static void serve(void)
             booted = 1;
             if (!o.c4) vgrbl_power_up(&v.g);
         }
-        if (o.c4) vc4_advance(&v.c, sim());
-        else vgrbl_advance(&v.g, sim());
+        if (o.c4)
+            vc4_advance(&v.c, sim());
+        else
+            vgrbl_advance(&v.g, sim());
         collect();
         flush_wire();
         struct pollfd f[2] = {{.fd = v.master, .events = POLLIN}, {.fd = v.truth_fd, .events = POLLIN}};
         /* A pty, unlike a port, keeps the exclusive mark of an owner that was killed. */
         if (poll(f, 2, wait_ms(booted)) == 0) ioctl(v.slave, TIOCNXCL);
-        if (o.c4) vc4_advance(&v.c, sim());
-        else vgrbl_advance(&v.g, sim());
+        if (o.c4)
+            vc4_advance(&v.c, sim());
+        else
+            vgrbl_advance(&v.g, sim());
         if (f[1].revents & POLLIN) tell_truth();
         ssize_t n = f[0].revents & POLLIN ? read(v.master, in, sizeof in) : 0;
         for (ssize_t k = 0; booted && k < n; k++) {
-            if (o.c4) vc4_byte(&v.c, in[k]);
-            else vgrbl_byte(&v.g, in[k]);
+            if (o.c4)
+                vc4_byte(&v.c, in[k]);
+            else
+                vgrbl_byte(&v.g, in[k]);
         }
     }
 }
@@ -272,6 +312,7 @@ int main(int argc, char **argv)
     struct sigaction a = {.sa_handler = on_end};
     sigaction(SIGTERM, &a, NULL);
     sigaction(SIGINT, &a, NULL);
+    if (o.with_parent) prctl(PR_SET_PDEATHSIG, SIGTERM);
     start_controller();
     open_truth();
     open_line();

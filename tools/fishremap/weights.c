@@ -1,0 +1,206 @@
+/*
+ * weights.c - which source pixels a destination texel covers, and with what solid angle (weights.h).
+ *
+ * For texel t and source pixel p:  w = overlap area x (solid angle per area at p), and
+ *   out(t) = sum_p w (L_p + g_p . c_tp) / sum_p w,   c_tp the overlap's centroid about p's centre;
+ * the sum of w over t is p's solid angle, so sum_t out(t) Omega(t) = sum_p L_p Omega(p).
+ */
+#include "weights.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define TABLE 16384
+
+int geometry_init(geometry *g, const chart *dst, const chart *src, const unsigned char *skip, errmsg *e)
+{
+    memset(g, 0, sizeof *g);
+    g->dst = dst, g->src = src, g->skip = skip;
+    int w = src->width, h = src->height;
+    if (src->kind == CHART_GRID) {
+        g->per_area = malloc(sizeof(float) * (size_t)h);
+        if (!g->per_area) return err_set(e, "out of memory");
+        for (int y = 0; y < h; y++) g->per_area[y] = (float)chart_pixel_solid_angle(src, 0, y);
+        return 0;
+    }
+    float *table = malloc(sizeof(float) * (TABLE + 2));
+    g->per_area = malloc(sizeof(float) * (size_t)w * (size_t)h);
+    if (!table || !g->per_area) {
+        free(table);
+        free(g->per_area);
+        return err_set(e, "out of memory");
+    }
+    for (int k = 0; k <= TABLE + 1; k++)
+        table[k] = (float)(lens_solid_angle(&src->lens, (double)k / TABLE) / (src->radius * src->radius));
+    float scale = (float)(TABLE / src->radius), limit = (float)(src->radius + M_SQRT1_2) * scale;
+#pragma omp parallel for schedule(static)
+    for (int y = 0; y < h; y++) {
+        float *q = g->per_area + (size_t)y * (size_t)w;
+        float dy = (float)(y + 0.5 - src->cy), x0 = (float)(0.5 - src->cx);
+        for (int x = 0; x < w; x++) {
+            float dx = x0 + (float)x, r = sqrtf(dx * dx + dy * dy) * scale, k = fminf(r, TABLE);
+            int i = (int)k;
+            q[x] = r > limit ? 0 : table[i] + (k - (float)i) * (table[i + 1] - table[i]);
+        }
+    }
+    free(table);
+    return 0;
+}
+
+void bench_free(bench *b)
+{
+    outliner_free(b->lines);
+    overlap_free(b->cells);
+    free(b->span);
+    free(b->rim);
+}
+
+int bench_init(bench *b, const geometry *g)
+{
+    memset(b, 0, sizeof *b);
+    b->lines = outliner_new(g->dst, g->src);
+    b->cells = overlap_new();
+    if (!b->lines || !b->cells) return -1;
+    if (g->src->kind == CHART_DISC) {
+        b->nrim = 4096;
+        b->rim = malloc(sizeof(double) * 2 * (size_t)b->nrim);
+        if (!b->rim) return -1;
+        double step = outliner_sense(b->lines) * 2 * M_PI / b->nrim;
+        for (int k = 0; k < b->nrim; k++) {
+            b->rim[2 * k] = g->src->cx + g->src->radius * cos(k * step);
+            b->rim[2 * k + 1] = g->src->cy + g->src->radius * sin(k * step);
+        }
+    }
+    return 0;
+}
+
+static double twice_area(const double *xy, int n)
+{
+    double s = 0, x0 = xy[0], y0 = xy[1];
+    for (int i = 1; i + 1 < n; i++)
+        s += (xy[2 * i] - x0) * (xy[2 * i + 3] - y0) - (xy[2 * i + 2] - x0) * (xy[2 * i + 1] - y0);
+    return s;
+}
+
+static void bounds(double box[4], const double *xy, int n)
+{
+    box[0] = box[2] = xy[0], box[1] = box[3] = xy[1];
+    for (int i = 1; i < n; i++) {
+        box[0] = fmin(box[0], xy[2 * i]), box[2] = fmax(box[2], xy[2 * i]);
+        box[1] = fmin(box[1], xy[2 * i + 1]), box[3] = fmax(box[3], xy[2 * i + 1]);
+    }
+}
+
+static int clamp_int(double v, int lo, int hi)
+{
+    return v < lo ? lo : v > hi ? hi : (int)v;
+}
+
+static int row_push(row *r, uint32_t px, double w, double wx, double wy)
+{
+    if (r->n == r->room) {
+        size_t room = r->room ? 2 * r->room : 4096;
+        entry *q = realloc(r->e, room * sizeof *q);
+        if (!q) return -1;
+        r->e = q, r->room = room;
+    }
+    r->e[r->n++] = (entry){px, (float)w, (float)wx, (float)wy};
+    return 0;
+}
+
+/* Overlaps of the contour begun in b->cells become entries; *total gets the solid angle. */
+static int collect(double *total, row *r, bench *b, const geometry *g, int x0, int y0, int x1, int y1, int sense)
+{
+    const chart *s = g->src;
+    size_t w = (size_t)(x1 - x0);
+    if (w > b->span_room) {
+        free(b->span);
+        b->span = malloc(w * sizeof *b->span);
+        b->span_room = b->span ? w : 0;
+        if (!b->span) return -1;
+    }
+    for (int y = y0; y < y1; y++) {
+        overlap_row(b->span, b->cells, y);
+        for (int x = x0; x < x1; x++) {
+            const overlap_cell *c = b->span + (x - x0);
+            double area = sense * c->area;
+            if (area < 1e-9) continue;
+            int px = x;
+            if (s->kind == CHART_GRID) px = ((x % s->width) + s->width) % s->width;
+            size_t at = (size_t)y * (size_t)s->width + (size_t)px;
+            double j = g->per_area[s->kind == CHART_GRID ? (size_t)y : at];
+            if (j <= 0 || (g->skip && g->skip[at])) continue;
+            if (row_push(r, (uint32_t)at, area * j, sense * c->mx * j, sense * c->my * j)) return -1;
+            *total += area * j;
+        }
+    }
+    return 0;
+}
+
+static int texel(row *r, bench *b, const geometry *g, int x, int y)
+{
+    const chart *s = g->src;
+    const double *xy;
+    int n, sense = outliner_sense(b->lines), rc = outliner_texel(&xy, &n, b->lines, x);
+    size_t first = r->n;
+    double total = 0;
+    r->alpha[x] = 0;
+    if (rc <= 0) return rc;
+    double box[4];
+    bounds(box, xy, n);
+    int around = 0;
+    if (s->kind == CHART_DISC && b->rim) { /* inside out: the texel around the far pole */
+        double a = sense * twice_area(xy, n) / 2;
+        around = a < -0.25 * M_PI * s->radius * s->radius;
+        if (around) bounds(box, b->rim, b->nrim);
+    }
+    int wraps = s->kind == CHART_GRID && s->lon_span > 2 * M_PI * (1 - 1e-12);
+    int x0 = wraps ? (int)floor(box[0]) : clamp_int(floor(box[0]), 0, s->width);
+    int x1 = wraps ? (int)ceil(box[2]) : clamp_int(ceil(box[2]), 0, s->width);
+    int y0 = clamp_int(floor(box[1]), 0, s->height), y1 = clamp_int(ceil(box[3]), 0, s->height);
+    if (x1 > x0 && y1 > y0) {
+        if (overlap_begin(b->cells, x0, y0, x1, y1)) return -1;
+        overlap_contour(b->cells, xy, n);
+        if (around) overlap_contour(b->cells, b->rim, b->nrim);
+        if (collect(&total, r, b, g, x0, y0, x1, y1, sense)) return -1;
+    }
+    if (total > 0) {
+        float k = (float)(1 / total);
+        for (size_t i = first; i < r->n; i++) r->e[i].w *= k, r->e[i].wx *= k, r->e[i].wy *= k;
+        double full = chart_pixel_solid_angle(g->dst, x, y), a = full > 0 ? total / full : 0;
+        r->alpha[x] = (float)(a > 0.998 ? 1 : a);
+    }
+    return 0;
+}
+
+int row_init(row *r, int width)
+{
+    memset(r, 0, sizeof *r);
+    r->end = malloc(sizeof *r->end * (size_t)width);
+    r->alpha = malloc(sizeof *r->alpha * (size_t)width);
+    return r->end && r->alpha ? 0 : -1;
+}
+
+void row_free(row *r)
+{
+    free(r->e);
+    free(r->end);
+    free(r->alpha);
+}
+
+int row_make(row *r, bench *b, const geometry *g, int y)
+{
+    r->n = 0;
+    if (outliner_row(b->lines, y)) return -1;
+    for (int x = 0; x < g->dst->width; x++) {
+        if (texel(r, b, g, x, y)) return -1;
+        r->end[x] = r->n;
+    }
+    return 0;
+}
+
+void geometry_free(geometry *g)
+{
+    free(g->per_area);
+}

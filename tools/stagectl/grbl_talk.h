@@ -1,0 +1,45 @@
+/*
+ * grbl_talk.h - the conversation with a GRBL controller, for grbl.c: one line, one answer, and all that comes
+ * between.
+ */
+#ifndef GRBL_TALK_H
+#define GRBL_TALK_H
+
+#include "grbl_proto.h"
+#include "linebuf.h"
+#include "stage.h"
+
+enum { WANT_ANSWER = 1, WANT_STATUS = 2, WANT_BANNER = 4 };
+
+/* seconds */
+static const double answer_s = 5, poll_s = 0.2;
+
+typedef struct grbl {
+    linebuf line;
+    unsigned char in[256];
+    size_t at, n;
+    char text[LINE_MAX_BYTES + 1]; /* the line that the last message points into */
+    char asked[LINE_MAX_BYTES];    /* last command, for messages */
+    int inches, is_hal, home_switch, home_direction, origin_at_home, need_reset;
+    double offset[GRBL_AXES]; /* WCO, mm */
+    int has_offset;
+    double last[2]; /* last reported or commanded machine position, mm */
+    int noise;
+} grbl;
+
+/* Read until something wanted comes.  Alarms and unasked-for banners end every wait. */
+stage_code grbl_take(stage *s, grbl_message *m, int want, double deadline, const char *doing, errmsg *e);
+stage_code grbl_send(stage *s, const char *line, const char *doing, errmsg *e); /* and note it for messages */
+stage_code grbl_realtime(stage *s, char byte, errmsg *e);
+/* One line, its one answer. */
+stage_code grbl_command(stage *s, const char *line, double timeout_s, const char *doing, errmsg *e);
+/* Ask for a status, for three seconds at four a second, and take the first with a position. */
+stage_code grbl_query(stage *s, grbl_message *m, double xy[2], errmsg *e);
+/* Soft reset: clears every pending answer; a late ok may come before the banner and is passed over. */
+stage_code grbl_soft_reset(stage *s, grbl_message *m, errmsg *e);
+/* Stop what moves: hold, wait until it stands, reset.  So there is no alarm and the position is kept. */
+stage_code grbl_halt(stage *s, errmsg *e);
+/* Position of a status in machine mm.  0 if it can't be told yet (work position, offset not seen). */
+int grbl_machine_position(stage *s, double xy[2], const grbl_message *m);
+
+#endif

@@ -1,0 +1,121 @@
+/* stagectl_show.c - see stagectl_show.h. */
+#include "stagectl_show.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/statvfs.h>
+
+#include "cli.h"
+#include "names.h"
+#include "plan.h"
+
+void load_session(session *s, const char *path)
+{
+    errmsg e;
+    if (session_load(s, path, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
+}
+
+static void print_time(const char *what, double s)
+{
+    printf("%-12s%d h %02d min %04.1f s\n", what, (int)(s / 3600), (int)(fmod(s, 3600) / 60), fmod(s, 60));
+}
+
+double free_bytes(const char *folder)
+{
+    char path[4096];
+    struct statvfs v;
+    if (strlen(folder) >= sizeof path) return -1;
+    strcpy(path, folder);
+    while (statvfs(path, &v) != 0) {
+        char *slash = strrchr(path, '/');
+        if (!slash || slash == path)
+            return statvfs(slash ? "/" : ".", &v) == 0 ? (double)v.f_bavail * (double)v.f_frsize : -1;
+        *slash = 0;
+    }
+    return (double)v.f_bavail * (double)v.f_frsize;
+}
+
+int show_plan(const char *path)
+{
+    session s;
+    plan_totals t;
+    errmsg e;
+    load_session(&s, path);
+    plan_sum(&t, &s, s.acceleration);
+    printf("places      %ld (%d x %d)\nexposures   %ld (%d a place, %g to %g s%s)\n", t.places, s.nodes[0],
+           s.nodes[1], t.exposures, s.exposures, s.exposure[0], s.exposure[s.exposures - 1],
+           s.adaptive ? "; auto: at most" : "");
+    printf("moves       %ld, %.1f mm, x %g to %g, y %g to %g mm\n", t.moves, t.distance_mm, t.lo[0], t.hi[0],
+           t.lo[1], t.hi[1]);
+    print_time("moving", t.move_s);
+    print_time("settling", t.settle_s);
+    print_time("exposing", t.exposure_s + t.overhead_s);
+    print_time("in all", t.total_s);
+    double room = free_bytes(s.folder);
+    printf("disk        %.1f MB", t.bytes / 1e6);
+    if (room >= 0) printf(" of %.1f MB free%s", room / 1e6, room < t.bytes ? ": NOT ENOUGH" : "");
+    printf("\n");
+    const double lo[2] = {s.travel[0], s.travel[2]}, hi[2] = {s.travel[1], s.travel[3]};
+    if (!(lo[0] < hi[0] || lo[1] < hi[1]))
+        printf("travel      not checked: [stage] travel is not given\n");
+    else if (plan_check_travel(&s, lo, hi, &e) != 0)
+        cli_fail(CLI_FAILED, "%s: %s", path, e.text);
+    else
+        printf("travel      all points inside\n");
+    session_free(&s);
+    return CLI_OK;
+}
+
+/* One value, as a script wants it. */
+int show_get(const char *path, const char *what)
+{
+    session s;
+    char value[4096];
+    load_session(&s, path);
+    for (const session_key *k = session_keys; k->name; k++) {
+        size_t n = strlen(k->section);
+        if (strncmp(what, k->section, n) != 0 || what[n] != '.' || strcmp(what + n + 1, k->name) != 0)
+            continue;
+        session_value(value, sizeof value, &s, k);
+        printf("%s\n", value);
+        session_free(&s);
+        return CLI_OK;
+    }
+    cli_fail(CLI_USAGE, "get: expected SECTION.KEY, found '%s'", what);
+}
+
+/* The list of times of each place, i fastest: what stands beside it is made from it (scenes/capture.mk). */
+int show_list(const char *path)
+{
+    session s;
+    char times[NAME_ROOM], picture[NAME_ROOM];
+    errmsg e;
+    load_session(&s, path);
+    for (int j = 0; j < s.nodes[1]; j++)
+        for (int i = 0; i < s.nodes[0]; i++) {
+            if (name_times(times, &s, i, j, &e) != 0 || name_picture(picture, &s, i, j, 0, &e) != 0)
+                cli_fail(CLI_FAILED, "%s: %s", path, e.text);
+            const char *a = strrchr(times, '/'), *b = strrchr(picture, '/');
+            if (!a || !b || a - times != b - picture || strncmp(times, picture, (size_t)(a - times)) != 0)
+                cli_fail(
+                    CLI_FAILED,
+                    "%s: expected [output] times in the folder of its place's pictures, found '%s' and '%s'",
+                    path, times, picture);
+            printf("%s/%s\n", s.folder, times);
+        }
+    session_free(&s);
+    return CLI_OK;
+}
+
+int show_keys(void)
+{
+    const char *section = "";
+    for (const session_key *k = session_keys; k->name; k++) {
+        if (strcmp(section, k->section) != 0) printf("%s[%s]\n", *section ? "\n" : "", k->section);
+        section = k->section;
+        printf("# %s%s\n%s = %s\n", k->help, k->preset ? "" : " (must be given)", k->name,
+               k->preset ? k->preset : "");
+    }
+    return CLI_OK;
+}
