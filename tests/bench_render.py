@@ -32,16 +32,25 @@ ROWS = []
 
 # ---- running ---------------------------------------------------------------------------------------------------------
 
-def timed(args, cwd, out=None, stdin=None):
+# A child inherits its parent's peak memory across fork, so a small interpreter stands between.
+MEASURE = """
+import os, sys
+_, status, use = os.wait4(os.posix_spawnp(sys.argv[2], sys.argv[2:], os.environ), 0)
+with open(sys.argv[1], "w") as f:
+    print(use.ru_utime + use.ru_stime, use.ru_maxrss / 1024, os.waitstatus_to_exitcode(status), file=f)
+"""
+
+
+def timed(args, cwd, out):
     """CPU seconds, wall seconds, peak MB of a process; its output goes to the file `out`."""
     begun = time.time()
-    with open(out or os.devnull, "wb") as f, open(cwd / "stderr", "wb") as e:
-        p = subprocess.Popen(list(map(str, args)), cwd=cwd, stdout=f, stderr=e, stdin=stdin or subprocess.DEVNULL, env=environment())
-        _, status, use = os.wait4(p.pid, 0)
-        p.returncode = os.waitstatus_to_exitcode(status)
-    if p.returncode != 0:
-        raise SystemExit(f"{' '.join(map(str, args))}: exit {p.returncode}\n" + (cwd / "stderr").read_text()[-2000:])
-    return use.ru_utime + use.ru_stime, time.time() - begun, use.ru_maxrss / 1024
+    with open(out, "wb") as f, open(cwd / "stderr", "wb") as e:
+        subprocess.run([sys.executable, "-ISc", MEASURE, str(cwd / "measured"), *map(str, args)], cwd=cwd, stdout=f, stderr=e,
+                       stdin=subprocess.DEVNULL, env=environment())
+    cpu, peak, code = (cwd / "measured").read_text().split()
+    if code != "0":
+        raise SystemExit(f"{' '.join(map(str, args))}: exit {code}\n" + (cwd / "stderr").read_text()[-2000:])
+    return float(cpu), time.time() - begun, float(peak)
 
 
 def output(*args, cwd):
