@@ -8,7 +8,7 @@
 
 /* The map of a slice: SIDE x SIDE cells of equal solid angle over the hemisphere, numbered along a Morton
  * curve so that neighbours in number are neighbours in direction. */
-enum { SLICE_BITS = 7, SLICE_SIDE = 1 << SLICE_BITS, SLICE_CELLS = SLICE_SIDE * SLICE_SIDE };
+enum { SLICE_BITS = 8, SLICE_SIDE = 1 << SLICE_BITS, SLICE_CELLS = SLICE_SIDE * SLICE_SIDE };
 #define SLICE_OMEGA (2 * ILF_PI / SLICE_CELLS)
 
 /* Part of the draws that goes to all directions alike, in case a patch is not where it seems. */

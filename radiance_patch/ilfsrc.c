@@ -46,9 +46,10 @@
  */
 
 #ifndef ILFCAND
-#define  ILFCAND		4		/* candidates per shadow ray */
+#define  ILFCAND		16		/* candidates per shadow ray */
 #endif
-#define  ILFMINCAND	8		/* but at least this many */
+#define  ILFMINCAND	64		/* but at least this many for what we see */
+#define  ILFLEASTCAND	8		/* and this many for any point */
 #define  ILFHIST		48		/* tests before we believe history */
 #define  ILFSURE		8		/* fewer rays where we do */
 #define  ILFOMEGA	1e-6		/* solid angle for coefficients */
@@ -348,8 +349,10 @@ sampleilf(			/* add light field's excess */
 	if (ns < 1) ns = 1;
 	if (ns > ilfsamp) ns = ilfsamp;
 	nc = ns*ILFCAND;
-	if (nc < ILFMINCAND)
-		nc = ILFMINCAND;
+	if (nc < ILFMINCAND*r->rweight)
+		nc = ILFMINCAND*r->rweight;
+	if (nc < ILFLEASTCAND)
+		nc = ILFLEASTCAND;
 	ilf_slice_history(sp, &vis, &tests);
 	if (tests >= ILFHIST && (vis <= 0.) | (vis >= tests))
 		ns = (ns + ILFSURE-1)/ILFSURE;

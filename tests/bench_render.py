@@ -4,8 +4,8 @@ Sections (all, or those named on the command line): judged cache box smooth plai
 Rows go to build/bench/render.csv (a section run again replaces its rows), the plot to build/bench/render.png.
 
 CPU seconds are user + system of the renderer's process.  RMSE is over lit pixels that show an object (no lamp or lamp's
-mirror image: below 20 times the median), in luminance, relative to their mean.  The reference is the mean of the literal
-method's and of -di's long runs where both agree (their difference is printed against what their noise explains).  The
+mirror image: below 20 times the median), in luminance, relative to their mean.  The reference is the mean of
+-di's long runs or of the literal method's, whichever has less noise; that both agree within their noise is printed.  The
 literal method's seconds for an error beyond its longest run come from RMSE^2 x rays = constant, fitted to its runs.
 """
 import csv
@@ -32,16 +32,25 @@ ROWS = []
 
 # ---- running ---------------------------------------------------------------------------------------------------------
 
-def timed(args, cwd, out=None, stdin=None):
+# A child inherits its parent's peak memory across fork, so a small interpreter stands between.
+MEASURE = """
+import os, sys
+_, status, use = os.wait4(os.posix_spawnp(sys.argv[2], sys.argv[2:], os.environ), 0)
+with open(sys.argv[1], "w") as f:
+    print(use.ru_utime + use.ru_stime, use.ru_maxrss / 1024, os.waitstatus_to_exitcode(status), file=f)
+"""
+
+
+def timed(args, cwd, out):
     """CPU seconds, wall seconds, peak MB of a process; its output goes to the file `out`."""
     begun = time.time()
-    with open(out or os.devnull, "wb") as f, open(cwd / "stderr", "wb") as e:
-        p = subprocess.Popen(list(map(str, args)), cwd=cwd, stdout=f, stderr=e, stdin=stdin or subprocess.DEVNULL, env=environment())
-        _, status, use = os.wait4(p.pid, 0)
-        p.returncode = os.waitstatus_to_exitcode(status)
-    if p.returncode != 0:
-        raise SystemExit(f"{' '.join(map(str, args))}: exit {p.returncode}\n" + (cwd / "stderr").read_text()[-2000:])
-    return use.ru_utime + use.ru_stime, time.time() - begun, use.ru_maxrss / 1024
+    with open(out, "wb") as f, open(cwd / "stderr", "wb") as e:
+        subprocess.run([sys.executable, "-ISc", MEASURE, str(cwd / "measured"), *map(str, args)], cwd=cwd, stdout=f, stderr=e,
+                       stdin=subprocess.DEVNULL, env=environment())
+    cpu, peak, code = (cwd / "measured").read_text().split()
+    if code != "0":
+        raise SystemExit(f"{' '.join(map(str, args))}: exit {code}\n" + (cwd / "stderr").read_text()[-2000:])
+    return float(cpu), time.time() - begun, float(peak)
 
 
 def output(*args, cwd):
@@ -136,38 +145,32 @@ class Literal:
         return t[0] + rate * (noise / rmse ** 2 - n[0])
 
 
-def agreement(a, b, mask, noise_a, noise_b, size=8):
-    """Difference of two references by 8 x 8 blocks, against their noise (relative RMSE of each)."""
-    h, w = (k // size * size for k in a.shape)
-    m = mask[:h, :w].reshape(h // size, size, w // size, size).sum((1, 3))
-    mean = a[mask].mean()
+def agreement(lit, aim, mask, size=8):
+    """Two sets of pictures by 8 x 8 blocks against their own noise (pixels' variances, two or more pictures of each)."""
+    h, w = (k // size * size for k in mask.shape)
 
     def blocks(x):
         return np.where(mask, x, 0)[:h, :w].reshape(h // size, size, w // size, size).sum((1, 3))
-    full = m > size * size // 2
-    d = (blocks(a) - blocks(b))[full] / m[full] / mean
-    sigma = np.sqrt((noise_a ** 2 + noise_b ** 2) / m[full])
-    z = d / sigma
-    return dict(blocks=int(full.sum()), chi2=float((z ** 2).sum()), beyond_3=int((np.abs(z) > 3).sum()), ratio=float(b[mask].mean() / a[mask].mean()))
+    full = blocks(np.ones(mask.shape)) > size * size // 2
+    a, b = np.mean(lit, 0), np.mean(aim, 0)
+    var = blocks(np.var(lit, 0, ddof=1) / len(lit) + np.var(aim, 0, ddof=1) / len(aim))[full]
+    z = blocks(b - a)[full] / np.sqrt(var)
+    total = np.sqrt((np.var(lit, 0, ddof=1) / len(lit) + np.var(aim, 0, ddof=1) / len(aim))[mask].sum()) / a[mask].sum()
+    return (f"{full.sum()} blocks, chi-square {(z ** 2).sum():.0f}, beyond 3 sigma {(np.abs(z) > 3).sum()}, "
+            f"mean ratio {b[mask].mean() / a[mask].mean():.5f} +- {total:.5f}")
 
 
-def sweep(section, folder, octree, size, base, literal, aimed, long_literal, long_aimed, repeats=2):
+def sweep(section, folder, octree, size, base, literal, aimed, long_literal, long_aimed):
     """Literal and aimed runs against a reference by both; base: options of all runs."""
     mask = objects_mask(folder, octree, size)
-    lit = [rpict(folder, octree, size, [*base, *long_literal, "-di", "0"], "ref_lit") for _ in range(repeats)]
-    aim = [rpict(folder, octree, size, [*base, *long_aimed], "ref_aim") for _ in range(max(2, repeats))]
+    lit = [rpict(folder, octree, size, [*base, *long_literal, "-di", "0"], "ref_lit") for _ in range(2)]
+    aim = [rpict(folder, octree, size, [*base, *long_aimed], "ref_aim") for _ in range(4)]
     a, b = (np.mean([r["image"] for r in s], 0) for s in (lit, aim))
     mask &= (b > 0) & (b < 20 * np.median(b[mask]))
-    own = []
-    for s, m in ((lit, a), (aim, b)):
-        if len(s) > 1:
-            own.append(np.sqrt(np.mean([((r["image"] - m)[mask] ** 2).mean() for r in s]) * len(s) / (len(s) - 1) / len(s)) / m[mask].mean())
-        else:
-            own.append(np.sqrt((((a - b)[mask]) ** 2).mean()) / m[mask].mean())
+    own = [np.sqrt(np.var([r["image"] for r in x], 0, ddof=1)[mask].mean() / len(x)) / b[mask].mean() for x in (lit, aim)]
     print(f"{section}: references: literal {sum(r['cpu_s'] for r in lit):.0f} s (own error {own[0]:.4f}), aimed {sum(r['cpu_s'] for r in aim):.0f} s "
-          f"(own error {own[1]:.4f}); 8x8 blocks: {agreement(a, b, mask, *own)}", flush=True)
-    wa, wb = 1 / own[0] ** 2, 1 / own[1] ** 2
-    ref = (wa * a + wb * b) / (wa + wb)
+          f"(own error {own[1]:.4f}); {agreement([r['image'] for r in lit], [r['image'] for r in aim], mask)}", flush=True)
+    ref = a if own[0] < own[1] else b       # they agree; the surer one is taken
     fit = Literal()
     for options in literal:
         r = rpict(folder, octree, size, [*base, *options, "-di", "0"], "x")
@@ -196,7 +199,7 @@ def judged(box=False, room=rs.judged_room, section="judged", size=(96, 96)):
     sweep(section, folder, octree, size, ["-ab", "1", *EXACT], [["-ad", n] for n in ((64, 256, 1024) if smooth else (64, 256, 1024, most))],
           di_ad((16, 64), (16, 256), (16, 1024)) if smooth else
           di_ad((1, 16), (2, 16), (4, 16), (8, 16), (16, 16), (8, 64), (16, 64), (32, 64), (64, 64), (64, 256), (256, 256)),
-          ["-ad", 2048 if smooth else most], ["-di", 256, "-ad", 1024], repeats=1 if box or smooth else 2)
+          ["-ad", 2048 if smooth else most], ["-di", 256, "-ad", 1024])
 
 
 def cache():
@@ -207,7 +210,7 @@ def cache():
     quick = "-aa .15 -ar 64 -as 64 -ad".split()
     sweep("cache", folder, octree, (96, 96), ["-ab", "2", *EXACT], [["-ad", n] for n in (64, 256, 1024)],
           [[*quick, "128", "-di", n] for n in (4, 16, 64)] + [[*quick, "512", "-di", n] for n in (16, 64, 256)] + di_ad((16, 64), (64, 256)),
-          ["-ad", 2048], ["-di", 128, "-ad", 512], repeats=1)
+          ["-ad", 2048], ["-di", 128, "-ad", 512])
 
 
 # ---- other light -----------------------------------------------------------------------------------------------------
@@ -390,13 +393,14 @@ def single():
         peer_scene(folder)
     octree, size = "peer.oct", 512
     mask = diffuse_mask(folder, octree, size)
-    ref = rpict(folder, octree, (size, size), ["-ab", "1", *EXACT, "-di", "16", "-ad", "512"], "ref", PEER_VIEW)["image"]
+    direct = ["-ab", "1", "-lr", "1"]       # direct light only, as the peer's depth 2: no lamps by way of the mirror
+    ref = rpict(folder, octree, (size, size), [*direct, *EXACT, "-di", "16", "-ad", "512"], "ref", PEER_VIEW)["image"]
     np.save(folder / "ours.npy", ref)
-    runs = [["-di", n, "-ad", a] for n, a in ((1, 2), (1, 4), (1, 8), (2, 16), (4, 32), (8, 64), (8, 128))]
+    runs = [["-di", n, "-ad", a] for n, a in ((1, 2), (1, 4), (2, 8), (4, 16), (4, 32), (8, 32), (8, 64), (8, 128), (16, 256))]
     runs += [["-di", n, "-aa", aa, "-ad", a, "-as", "0", "-ar", "128"] for n, aa, a in ((1, ".2", 256), (2, ".1", 512), (8, ".1", 1024))]
     for options in runs:
         cached = "-aa" in options
-        base = ["-ab", "1", *EXACT] if not cached else ["-ab", "1", "-lw", "1e-9"]
+        base = [*direct, *EXACT] if not cached else [*direct, "-lw", "1e-9"]
         r = rpict(folder, octree, (size, size), [*base, *options], "x", PEER_VIEW)
         again = rpict(folder, octree, (size, size), [*base, *options], "y", PEER_VIEW)
         e = errors(r["image"], ref, mask)
