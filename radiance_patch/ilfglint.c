@@ -97,8 +97,11 @@ isglossy(			/* is ray's surface shiny but rough? */
 	const RAY  *r
 )
 {
-	OBJREC  *m = findmaterial(r->ro);
+	OBJREC  *m;
 
+	if (r->ro == NULL)		/* rtrace -I: no surface at all */
+		return(0);
+	m = findmaterial(r->ro);
 	return(m != NULL && (m->otype == MAT_ASHIKHMIN) |
 			(m->otype == MAT_BSDF) | (m->otype == MAT_ABSDF) |
 			(shininess(m) > FTINY));
