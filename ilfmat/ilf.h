@@ -196,7 +196,7 @@ typedef struct ilf_draw {
     double pdf;      /* density per steradian */
     double near, far; /* about how far away the light there is: the same but where one thing stands before another;
                        * HUGE_VAL: no light is expected there */
-    double bound;    /* excess luminance that may be expected there at most */
+    double expected; /* about the excess luminance to be expected there, not a bound */
 } ilf_draw;
 
 /* Draw a direction distributed as the slice's map: u in [0, 1) runs through the map along a

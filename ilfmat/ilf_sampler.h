@@ -34,11 +34,11 @@ typedef struct patch_list {
 struct ilf_slice {
     int64_t key[3];  /* cube of space */
     float visible, tests; /* history of shadow tests */
+    float total;     /* sum of the cells' excess luminance */
     int cells;       /* with light */
     uint16_t *cell;  /* ascending Morton numbers */
     float *cdf;      /* cells + 1 values from 0 to 1 */
     float *near, *far; /* distances of the light in each cell */
-    float *bound;    /* largest excess that the cube may see in each cell */
 };
 
 struct ilf_sampler {

@@ -231,8 +231,8 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
     }
     for (int t = 0; t < touched; t++) {
         const int k = s->touched[t];
-        s->seen[k] = s->weight[k]; /* from here on the bound itself */
         s->weight[k] = SLICE_BOUND * s->weight[k] + s->probe_weight[k];
+        s->seen[k] = 0;
     }
     return ILF_OK;
 }
@@ -241,7 +241,7 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
 static ilf_slice *collect(ilf_sampler *s, int touched)
 {
     const size_t n = (size_t)touched;
-    ilf_slice *sl = malloc(sizeof *sl + (4 * n + 1) * sizeof(float) + n * sizeof(uint16_t));
+    ilf_slice *sl = malloc(sizeof *sl + (3 * n + 1) * sizeof(float) + n * sizeof(uint16_t));
     double total = 0;
 
     if (!sl) return NULL;
@@ -250,8 +250,7 @@ static ilf_slice *collect(ilf_sampler *s, int touched)
     sl->cdf = (float *)(sl + 1);
     sl->near = sl->cdf + n + 1;
     sl->far = sl->near + n;
-    sl->bound = sl->far + n;
-    sl->cell = (uint16_t *)(sl->bound + n);
+    sl->cell = (uint16_t *)(sl->far + n);
     for (size_t k = 0; k < n; k++) sl->cell[k] = cell_number(s->touched[k] % SLICE_SIDE, s->touched[k] / SLICE_SIDE);
     qsort(sl->cell, n, sizeof *sl->cell, by_number);
     for (size_t k = 0; k < n; k++) {
@@ -259,14 +258,13 @@ static ilf_slice *collect(ilf_sampler *s, int touched)
         sl->cdf[k] = (float)total;
         sl->near[k] = s->near[at];
         sl->far[k] = s->far[at];
-        sl->bound[k] = s->seen[at];
         total += (double)s->weight[at];
         s->weight[at] = 0;
-        s->seen[at] = 0;
         s->owner[at] = 0;
     }
     for (size_t k = 0; k < n; k++) sl->cdf[k] = (float)((double)sl->cdf[k] / total);
     sl->cdf[n] = 1;
+    sl->total = (float)total;
     return sl;
 }
 

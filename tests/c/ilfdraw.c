@@ -1,7 +1,7 @@
 /*
  * ilfdraw.c - test driver: the sampler of libilf on its own.  Records of doubles in, records of doubles out.
  *
- *   ilfdraw sample FILE [options]   x y z u v w     ->  du dv dn pdf distance bound    (pdf -1: no slice there)
+ *   ilfdraw sample FILE [options]   x y z u v w     ->  du dv dn pdf distance expected    (pdf -1: no slice there)
  *   ilfdraw pdf FILE [options]      x y z du dv dn  ->  pdf                            (-1: no slice there)
  *   ilfdraw lamps FILE [options]    x y z radius    ->  n, then MOST times x y z radius excess
  *   ilfdraw info FILE [options]                     ->  one line: threshold patches
@@ -120,7 +120,7 @@ static void one_record(const char *what, ilf_sampler *s, const double *r)
         memcpy(out, d.dir, sizeof d.dir);
         out[3] = d.pdf;
         out[4] = d.far;
-        out[5] = d.bound;
+        out[5] = d.expected;
     }
     put(out, 6);
 }
