@@ -161,7 +161,8 @@ def sphere(mod, name, centre, radius, kind="sphere"):
 
 
 GROUND = polygon("white", "ground", (-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0))
-BALLS = sphere("mirror_metal", "mirror_ball", (0.35, -0.1, 0.15), 0.15) + sphere("glossy_metal", "glossy_ball", (-0.05, -0.35, 0.12), 0.12)
+MIRROR_BALL = sphere("mirror_metal", "mirror_ball", (0.35, -0.1, 0.15), 0.15)
+BALLS = MIRROR_BALL + sphere("glossy_metal", "glossy_ball", (-0.05, -0.35, 0.12), 0.12)
 BOXES = box("red", "low_box", (0.25, 0.25, 0.35), 20, (-0.3, 0.1, 0)) + box("white", "high_box", (0.2, 0.2, 0.5), -15, (0.15, 0.35, 0))
 BLOB = "\nstone mesh blob 7 blob.rtm -s .15 -t -.45 -.4 .2 0 0\n"
 VIEW = "-vtv -vp 0 -2.2 1.3 -vd 0 .85 -.5 -vu 0 0 1 -vh 38 -vv 38".split()
