@@ -10,6 +10,13 @@ import pytest
 from common_util import CLITOOL, refused, run
 
 
+def default_signals():
+    """A program started in the background inherits ignored signals; these tests send them."""
+    for s in (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGTERM):
+        signal.signal(s, signal.SIG_DFL)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
 def out(*args):
     p = run(CLITOOL, *args)
     assert p.returncode == 0, p.stderr
@@ -199,7 +206,7 @@ def test_given_up_output_leaves_the_old_file(tmp_path, how):
 def test_killed_run_leaves_the_old_file(tmp_path, sig):
     (tmp_path / "f").write_bytes(b"old")
     p = subprocess.Popen([CLITOOL, "-o", tmp_path / "f", "--mode", "wait"], stdin=subprocess.DEVNULL,
-                         stdout=subprocess.PIPE, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CORE, (0, 0)))
+                         stdout=subprocess.PIPE, preexec_fn=default_signals)
     assert p.stdout.readline() == b"waiting\n"
     assert len(leftovers(tmp_path)) == 2
     p.send_signal(sig)
