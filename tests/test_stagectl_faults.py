@@ -36,7 +36,7 @@ def test_killed_at_fifty_random_instants(tmp_path):
     rng = random.Random(2003)
     folder = tmp_path / "out"
     slow = script(tmp_path, UNIQUE.replace("{ printf", "sleep 0.0$(($$ % 3))\n{ printf"))
-    path = session(tmp_path, f"{slow} {{file}} {{i}},{{j}},{{k}}", grid={"nodes": "12x10"}, camera={"exposures": "1/8 1/4 1/2 1"})
+    path = session(tmp_path, f"{slow} {{file}} {{i}},{{j}},{{k}}", grid={"nodes": "14x12"}, camera={"exposures": "1/8 1/4 1/2 1"})
     finished, where = {}, set()
     with Stage(tmp_path, factor=400) as stage:
         kills = 0
@@ -65,9 +65,9 @@ def test_killed_at_fifty_random_instants(tmp_path):
         capture(path, stage)
     after = shots(folder)
     assert all(after[k] == v for k, v in finished.items())
-    check_whole(path, folder, 480)
+    check_whole(path, folder, 672)
     records = [tuple(r[1:4]) for r in journal(folder) if r[0] == "shot"]
-    assert len(records) == len(set(records)) == 480
+    assert len(records) == len(set(records)) == 672
 
 
 def test_killed_between_journal_and_rename(tmp_path):
