@@ -245,9 +245,7 @@ def same_images(a, b, w, h, size, what=""):
     t = (A.mean(0) - B.mean(0))[some] / np.sqrt(va + vb)[some]
     n = min(len(A), len(B)) - 1          # Student's distribution with at least that many degrees of freedom
     mean, var = n / (n - 2), 2 * n * n * (n - 1) / ((n - 2) ** 2 * (n - 4))
-    # A block of the literal method may lack a rare bright event in all its copies, and its variance with it: one such block says
-    # nothing, so no block counts for more than five standard errors; a bias shows in many.
-    z = (np.minimum(t ** 2, 25).sum() - mean * len(t)) / np.sqrt(var * len(t))
+    z = ((t ** 2).sum() - mean * len(t)) / np.sqrt(var * len(t))
     ratio = B.mean() / A.mean()
     error = np.sqrt(A.mean(1).var(ddof=1) / len(A) / A.mean() ** 2 + B.mean(1).var(ddof=1) / len(B) / B.mean() ** 2)
     words = f"{what} chi-square {(t ** 2).sum():.1f} of {len(t)} blocks (z {z:.2f}), worst {np.abs(t).max():.2f}, mean {ratio:.5f} +- {error:.5f}"
