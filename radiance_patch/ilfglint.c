@@ -372,7 +372,7 @@ ilfglints(			/* add light field's glints on balls */
 			normalize(dir);
 			if (inglint(gl, i, dir) >= 0)
 				continue;	/* an earlier cone's */
-			dirparts = parts;	/* as blind rays stand for */
+			dirparts = parts | DIRBLIND;
 			(*f)(coef, p, dir, ILFOMEGA);
 			dirparts = DIRDIFF|DIRSPEC;
 			if (intens(coef) <= 0.0)

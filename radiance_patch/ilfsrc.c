@@ -356,7 +356,7 @@ sampleilf(			/* add light field's excess */
 	ilf_slice_history(sp, &vis, &tests);
 	if (tests >= ILFHIST && (vis <= 0.) | (vis >= tests))
 		ns = (ns + ILFSURE-1)/ILFSURE;
-	dirparts = n;
+	dirparts = n | DIRBLIND;
 	n = drawcands(nc, ip, sp, r, f, p, &wsum);
 	dirparts = DIRDIFF|DIRSPEC;
 	if (!n)

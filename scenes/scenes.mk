@@ -56,7 +56,8 @@ DEMO_STILL  := $(SCENES)/table.rad $(SCENES)/objects.rad
 DEMO_VIEW   := $(SCENES)/view.vf
 DEMO_RUN     = $(ILF_ENV):$(demo_PATH)
 # the literal method sees the lamps with its ambient rays, so no cache and no supersampling: both would be biased
-PICT_ILF    := -ab 2 -di $(DI) $(if $(filter 0,$(DI)),-aa 0 -as 0 -lw 1e-7,-aa .12 -as 64 -ar 64)
+# -st 0: highlights are a scattered ray's, below the threshold a surface has none in a light field
+PICT_ILF    := -ab 2 -st 0 -di $(DI) $(if $(filter 0,$(DI)),-aa 0 -as 0 -lw 1e-7,-aa .12 -as 64 -ar 64)
 
 $(DEMO)/statue.obj: scenes/models/statue.py | $(VENV)/.packages
 	@mkdir -p $(@D)
