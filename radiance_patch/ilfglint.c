@@ -29,7 +29,9 @@
  *	   -----( C )------ X	(the left side rises with b, from 0
  *				to 90 degrees where X sees the rim)
  *
- *	A cone around each glint is sampled on its own, and ambient and
+ *	A ball demagnifies more in the plane of incidence than across, so
+ *  that a round lamp's glint is an ellipse.  A cone around each glint is
+ *  sampled on its own (as a Gaussian where the ball is rough), and ambient and
  *  scattered rays that leave the point inside a cone and find the lamp in
  *  that ball drop its excess.  This divides directions between the two, so
  *  that their sum has the right mean wherever we put the cones.  A point's
@@ -41,7 +43,9 @@
 #define  MAXLAMP	16		/* bright places per ball */
 #define  MAXGLINT	64		/* glints per point */
 #define  GLINTMARG	1.15		/* widen cones to cover glint */
+#define  LOBEFALL	4.		/* lobe's exponent at the cone's edge */
 #define  LOBEWIDE	4.		/* reflected lobe's reach over alpha */
+#define  GLINTRAYS	.5		/* rays per glint over samples */
 #define  MAXGRAY		64		/* rays per glint */
 
 typedef struct ilfball {
@@ -53,10 +57,11 @@ typedef struct ilfball {
 
 typedef struct {
 	OBJREC  *o;			/* in which ball */
-	int  rough;			/* is it rough? */
+	double  fall;			/* Gaussian's exponent at its edge */
 	FVECT  dir;			/* direction from our point */
-	double  cosr;			/* cosine of cone's half angle */
-}  GLINT;			/* directions that see a glint */
+	FVECT  u, v;			/* in plane of incidence, across */
+	double  tu, tv;			/* tangents of its half angles */
+}  GLINT;			/* an elliptic cone that sees a glint */
 
 static const RAY  *glintray = NULL;	/* glint ray being traced */
 static OBJREC  *glintball = NULL;	/* ball it should hit */
@@ -209,7 +214,8 @@ setglints(			/* find glints from a point */
 	ILFBALL  *bp;
 	ilf_lamp  *lp;
 	FVECT  e, l, n, d;
-	double  R, D, dist, dl, cosi, rad;
+	double  R, D, dist, dl, cosi, rad, most;
+	GLINT  *gp;
 	RREAL  *fa;
 	int  i, k, ng = 0;
 
@@ -241,16 +247,21 @@ setglints(			/* find glints from a point */
 			if ((cosi = -DOT(d, n)) <= .01)
 				continue;
 			rad = lp->radius < dl ? asin(lp->radius/dl) : PI/2.;
-			rad += LOBEWIDE*bp->alpha;
-						/* a ball demagnifies least
-						   across the plane of incidence */
-			rad *= GLINTMARG/(1. + 2.*dist*cosi/R);
-			if (rad > asin(R/D))
-				rad = asin(R/D);
-			gl[ng].o = bp->o;
-			gl[ng].rough = bp->alpha > FTINY;
-			VCOPY(gl[ng].dir, d);
-			gl[ng++].cosr = cos(rad);
+			rad = GLINTMARG*(rad + LOBEWIDE*bp->alpha);
+			most = asin(R/D);	/* the ball's own */
+			gp = gl + ng++;
+			gp->o = bp->o;
+			gp->fall = bp->alpha > FTINY ? LOBEFALL : 0.;
+			VCOPY(gp->dir, d);
+			VCROSS(gp->v, d, n);
+			if (normalize(gp->v) < 1e-6)
+				getperpendicular(gp->v, d, 0);
+			VCROSS(gp->u, gp->v, d);
+						/* the ball demagnifies */
+			gp->tu = rad/(1. + 2.*dist/(R*cosi));
+			gp->tv = rad/(1. + 2.*dist*cosi/R);
+			gp->tu = tan(gp->tu < most ? gp->tu : most);
+			gp->tv = tan(gp->tv < most ? gp->tv : most);
 		}
 	}
 	return(ng);
@@ -264,11 +275,17 @@ inglint(			/* first glint cone that holds direction */
 	const FVECT  dir
 )
 {
+	double  c, x, y;
 	int  i;
 
-	for (i = 0; i < ng; i++)
-		if (DOT(gl[i].dir, dir) >= gl[i].cosr)
+	for (i = 0; i < ng; i++) {
+		if ((c = DOT(gl[i].dir, dir)) <= FTINY)
+			continue;
+		x = DOT(gl[i].u, dir)/(c*gl[i].tu);
+		y = DOT(gl[i].v, dir)/(c*gl[i].tv);
+		if (x*x + y*y <= 1.)
 			return(i);
+	}
 	return(-1);
 }
 
@@ -344,8 +361,8 @@ ilfglints(			/* add light field's glints on balls */
 {
 	GLINT  gl[MAXGLINT];
 	int  savebounce = ambounce;
-	FVECT  u, v, dir;
-	double  omega, z, s, phi;
+	FVECT  dir;
+	double  omega, z, s, x, y, phi;
 	COLOR  coef;
 	RAY  gr;
 	int  ng, i, j, k, n, parts;
@@ -354,21 +371,28 @@ ilfglints(			/* add light field's glints on balls */
 		return;
 	ng = setglints(gl, ip, r->rop);
 	for (i = 0; i < ng; i++) {
-		n = ilfsamp*r->rweight*(gl[i].rough ? .5 : .25) + .999;
+		n = ilfsamp*r->rweight*GLINTRAYS + .999;
 		if (n > MAXGRAY)
 			n = MAXGRAY;
-		omega = 2.*PI*(1. - gl[i].cosr);
-		getperpendicular(u, gl[i].dir, 0);
-		VCROSS(v, gl[i].dir, u);
 		z = frandom();
 		phi = frandom();
-		for (j = 0; j < n; j++) {	/* even over the cone */
-			s = 1. - (1. - gl[i].cosr)*(j + z)/n;
+		for (j = 0; j < n; j++) {	/* over the ellipse */
+			s = (j + z)/n;
+			omega = PI*gl[i].tu*gl[i].tv;
+			if (gl[i].fall > 0.) {	/* density goes as the lobe */
+				x = (1. - exp(-gl[i].fall))/gl[i].fall;
+				s = -log(1. - s*gl[i].fall*x)/gl[i].fall;
+				omega *= x*exp(gl[i].fall*s);
+			}
 			phi += 0.61803398874989485; phi -= (phi >= 1.);
+			s = sqrt(s);
+			x = s*gl[i].tu*cos(2.*PI*phi);
+			y = s*gl[i].tv*sin(2.*PI*phi);
 			for (k = 0; k < 3; k++)
-				dir[k] = s*gl[i].dir[k] + sqrt(1.-s*s) *
-					(cos(2.*PI*phi)*u[k] +
-						sin(2.*PI*phi)*v[k]);
+				dir[k] = gl[i].dir[k] + x*gl[i].u[k] +
+						y*gl[i].v[k];
+			s = 1./sqrt(1. + x*x + y*y);
+			omega *= s*s*s;
 			normalize(dir);
 			if (inglint(gl, i, dir) >= 0)
 				continue;	/* an earlier cone's */
