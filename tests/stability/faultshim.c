@@ -183,12 +183,21 @@ FILE *fopen64(const char *path, const char *mode)
     return fopen_as("fopen64", path, mode);
 }
 
-/* The C library's streams call its own write: seen here at the calls that fill and empty them. */
+/* The C library's streams call its own write: seen here at the calls that fill and empty them.  A stream remembers that
+ * it failed. */
+static void failed(FILE *f)
+{
+    f->_flags |= 0x20; /* glibc's _IO_ERR_SEEN: what ferror() looks at */
+}
+
 size_t fwrite(const void *from, size_t size, size_t n, FILE *to)
 {
     size_t (*f)(const void *, size_t, size_t, FILE *), one = 1;
     *(void **)&f = real("fwrite");
-    if (concerns("fwrite", NULL, fileno(to)) && how > 0 && spoil(&one)) return 0;
+    if (concerns("fwrite", NULL, fileno(to)) && how > 0 && spoil(&one)) {
+        failed(to);
+        return 0;
+    }
     return f(from, size, n, to);
 }
 
@@ -196,7 +205,10 @@ size_t fread(void *to, size_t size, size_t n, FILE *from)
 {
     size_t (*f)(void *, size_t, size_t, FILE *), one = 1;
     *(void **)&f = real("fread");
-    if (concerns("fread", NULL, fileno(from)) && how > 0 && spoil(&one)) return 0;
+    if (concerns("fread", NULL, fileno(from)) && how > 0 && spoil(&one)) {
+        failed(from);
+        return 0;
+    }
     return f(to, size, n, from);
 }
 
@@ -205,7 +217,10 @@ int fflush(FILE *to)
     int (*f)(FILE *);
     size_t one = 1;
     *(void **)&f = real("fflush");
-    if (to && concerns("fflush", NULL, fileno(to)) && how > 0 && spoil(&one)) return EOF;
+    if (to && concerns("fflush", NULL, fileno(to)) && how > 0 && spoil(&one)) {
+        failed(to);
+        return EOF;
+    }
     return f(to);
 }
 

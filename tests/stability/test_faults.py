@@ -99,7 +99,7 @@ def attempt(job, folder, fault=None, limit=None):
         if limit is not None:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-    return subprocess.run(argv, cwd=folder, input=job.stdin, capture_output=True, env=env, timeout=120, preexec_fn=small,
+    return subprocess.run(argv, cwd=folder, input=job.stdin, capture_output=True, env=env, timeout=60, preexec_fn=small,
                           restore_signals=False)
 
 
@@ -137,7 +137,7 @@ def rows(title, condition, expected):
     return [pytest.param(n, marks=pytest.mark.case(f"{title}: {n}", GUARDS.get(n, "common/outfile.c"), condition, expected)) for n in PROGRAMS]
 
 
-COUNTS = (1, 2, 3, 5, 9, 17, 40) if WIDE else (1, 2, 5)
+COUNTS = (1, 2, 3, 5, 9, 17, 40) if WIDE else (1, 3)
 
 
 @pytest.mark.parametrize("name", rows("write errors", "n-th write, fsync, rename, open: ENOSPC, EIO, EDQUOT", "exit 1, one line, old file"))
@@ -337,7 +337,9 @@ def test_session_faults(tmp_path, fault, code):
     with Stage(tmp_path, factor=1000) as stage:
         p = capture(path, stage, fault, code)
         if code == (1,):
-            assert sum(x.startswith(b"stagectl: ") for x in p.stderr.splitlines()) == 1, p.stderr
+            # one line says what failed; another may say what became of the stage
+            lines = [x for x in p.stderr.splitlines() if x != b"stagectl: stage: its position is lost"]
+            assert len(lines) == 1 and lines[0].startswith(b"stagectl: "), p.stderr
         if (folder / "journal").exists():
             text = (folder / "journal").read_bytes()
             whole = text[:text.rfind(b"\n") + 1]
