@@ -350,3 +350,46 @@ def test_session_faults(tmp_path, fault, code):
     taken = (tmp_path / "shots.log").read_text().split()
     # of an exposure that a fault hit after the camera fired, one more at most
     assert len(taken) - len(set(taken)) <= (0 if code == (0,) else 1)
+
+
+# ---- what must be durable before what ----------------------------------------------------------------------------------
+
+def logged(tmp_path, argv, cwd=None):
+    log = tmp_path / "calls"
+    p = subprocess.run(["env", f"FAULT_LOG={log}", f"LD_PRELOAD={SHIM}", *argv], cwd=cwd, capture_output=True,
+                       env=environment(ASAN_OPTIONS="verify_asan_link_order=0:detect_leaks=0"), timeout=120)
+    assert p.returncode == 0, p.stderr
+    return [line.split(" ", 1) for line in log.read_text().splitlines()]
+
+
+@pytest.mark.case("order: record, files, journal, rename", "tools/stagectl/shot.c", "each of 12 exposures", "synced record before its rename")
+def test_order_of_the_journal(tmp_path, row):
+    """A power cut keeps what was synced, in any order: a picture under its name must have its record on disk, and the record
+    its file (journal.h)."""
+    path = session(tmp_path, stage={"settle": 0.01})
+    with Stage(tmp_path, factor=1000) as stage:
+        calls = logged(tmp_path, command("stagectl", ["-q", "--port", stage.port, "capture", path]))
+    renames = [k for k, (call, name) in enumerate(calls) if call == "rename" and name.endswith(".ppm")]
+    assert len(renames) == 12
+    for k in renames:
+        before = [call for call, name in calls[:k] if call == "syncfs" or name.endswith("/journal")]
+        # since the last record: the files' sync, then the journal's
+        last = len(before) - 1 - before[::-1].index("write")
+        assert before[last + 1:][:2] == ["syncfs", "fdatasync"], (k, before[-6:])
+    row(result=f"{len(calls)} calls in order")
+
+
+@pytest.mark.parametrize("name", [n for n in PROGRAMS if n != "ilftrace"])
+@pytest.mark.case("order: contents, fsync, rename, folder", "common/outfile.c", "each output", "fsync between the last write and the rename")
+def test_order_of_an_output(inputs, tmp_path, name):
+    folder0, jobs = inputs
+    job = jobs[name]
+    folder, _ = place(folder0, job, tmp_path)
+    calls = logged(tmp_path, command(job.program, job.words), cwd=folder)
+    for out in job.outputs:
+        at = [k for k, (call, path) in enumerate(calls) if call == "rename" and path.rsplit("/", 1)[-1] == out]
+        assert len(at) == 1
+        mine = [(call, k) for k, (call, path) in enumerate(calls) if f".{out}." in path]
+        assert [c for c, k in mine if k < at[0]][-1] == "fsync", mine
+        assert not [c for c, k in mine if k > at[0] and c != "fsync"]
+        assert ("fsync", str(folder)) in [tuple(c) for c in calls[at[0] + 1:]]
