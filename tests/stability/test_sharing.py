@@ -10,6 +10,7 @@ import pytest
 
 from conftest import TOP, command, environment, one_line_error, run
 from ilf_util import ILF, random_ilf, rays_text, write_ilf
+from stability.conftest import WIDE
 from stage_util import Stage, script, session
 from test_ilf_eval import trace
 
@@ -109,6 +110,7 @@ def test_same_output(tmp_path):
     assert got.min() == got.max() and got.max() in (1, 2, 3, 4)
 
 
+@pytest.mark.skipif(not WIDE, reason="builds the library twice: in make stability")
 @pytest.mark.case("two makes in one tree", "Makefile", "2 at once, from nothing", "both end, the library is whole")
 def test_two_makes(tmp_path):
     """Both build libilf in a copy: objects and archives of one must not break the other's."""
