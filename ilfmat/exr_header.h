@@ -67,11 +67,26 @@ static inline int exr_value_sound(int fd, const char *type, uint64_t at, uint64_
     return strcmp(type, "floatvector") != 0 || size % 4 == 0;
 }
 
-/* 1 if every value of every header ends inside the file and is as long as its type. */
+/* Is the name new among the n before it? */
+static inline int exr_name_new(uint64_t *names, int n, const unsigned char *name)
+{
+    uint64_t hash = 0xcbf29ce484222325u; /* FNV-1a */
+
+    for (; *name; name++) hash = (hash ^ *name) * 0x100000001b3u;
+    for (int k = 0; k < n; k++)
+        if (names[k] == hash) return 0;
+    names[n] = hash;
+    return 1;
+}
+
+/* 1 if every value of every header ends inside the file, is as long as its type, and stands there once: of two the
+ * libraries take different ones. */
 static inline int exr_header_sound(int fd, uint64_t file_bytes)
 {
+    enum { MOST = 1024 };
     unsigned char head[2 * 256 + 4]; /* names have at most 255 characters */
-    uint64_t at = 8;
+    uint64_t at = 8, names[MOST];
+    int n = 0;
 
     if (file_bytes < 8 || exr_bytes_at(fd, head, 8, 0) != 0) return 0;
     const int parts = (exr_u32(head + 4) & 0x1000) != 0;
@@ -81,10 +96,12 @@ static inline int exr_header_sound(int fd, uint64_t file_bytes)
         if (head[0] == 0) {
             if (!parts || (have > 1 && head[1] == 0)) return 1;
             at++;
+            n = 0;
             continue;
         }
         const unsigned char *type = memchr(head, 0, have), *size = NULL;
-        if (type) size = memchr(type + 1, 0, have - (size_t)(type + 1 - head));
+        if (!type || n == MOST || !exr_name_new(names, n++, head)) return 0;
+        size = memchr(type + 1, 0, have - (size_t)(type + 1 - head));
         if (!size || (size_t)(size + 1 - head) + 4 > have) return 0;
         at += (uint64_t)(size + 1 - head) + 4;
         const uint64_t bytes = exr_u32(size + 1);

@@ -37,11 +37,14 @@ static ilf *the_field(void)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
+    static const double origin[3] = {-1.5e308, 1, 1e308}, U[3] = {1, 1, 1}, V[3] = {1, -1, 0};
     ilf *field = the_field();
     char *text = malloc(size + 1);
     ilf_error err;
 
     HOLDS(text != NULL);
+    ilf_frame frames[2] = {*ilf_get_frame(field)};
+    HOLDS(ilf_frame_init(&frames[1], origin, U, V, NULL, &err) == ILF_OK);
     memcpy(text, data, size);
     text[size] = 0;
     for (char *line = text, *next; line; line = next) {
@@ -49,10 +52,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         next = strchr(line, '\n');
         if (next) *next++ = 0;
         if (read_ray(ray, line) != 0) continue;
-        for (int m = 0; m < 3; m++) {
+        for (int m = 0; m < 6; m++) {
             float rgb[3];
-            if (ilf_eval(rgb, field, ilf_get_frame(field), ray, ray + 3, m < 2 ? ray + 6 : NULL, m ? ILF_DEPTH : ILF_NO_DEPTH, &err) !=
-                ILF_OK) {
+            if (ilf_eval(rgb, field, &frames[m / 3], ray, ray + 3, m % 3 < 2 ? ray + 6 : NULL, m % 3 ? ILF_DEPTH : ILF_NO_DEPTH, &err) != ILF_OK) {
                 HOLDS(err.status == ILF_ERR_ARG);
                 one_line(err.text);
                 continue;
