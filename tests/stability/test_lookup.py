@@ -264,3 +264,14 @@ def test_enormous_grid(tmp_path, row):
     one_line_error(result, "ilfinfo", "table of")
     row(result=f"refused at {peak / 1e6:.0f} MB")
     assert peak < 100e6
+
+
+@pytest.mark.parametrize("compression", ["none", "zip"])
+@pytest.mark.case("truncated light field, opened only", "ilfmat/ilf_file.c", "1 byte to a probe short", "refused at once, not in the middle of a picture")
+def test_truncation_is_seen_at_once(tmp_path, compression):
+    path = write_ilf(tmp_path / "f.ilf.exr", random_ilf(np.random.default_rng(12), 3, 2, 8, 4), compression=compression)
+    data = path.read_bytes()
+    run("ilftrace", path)
+    for less in (1, 2, 20, 100):
+        path.write_bytes(data[:-less])
+        one_line_error(run("ilftrace", path, code=1), "ilftrace", "truncated")
