@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from conftest import BUILD, command, environment, one_line_error, run, run_measured
-from ilf_util import ILF, assert_same, edited, f32, random_ilf, sparse_ilf, unit, write_ilf
+from ilf_util import ILF, assert_same, edited, f32, random_ilf, sparse_ilf, tile_offsets, unit, write_ilf
 from stability.conftest import WIDE
 from test_ilf_eval import trace
 from test_ilf_sampling import sample
@@ -275,3 +275,9 @@ def test_truncation_is_seen_at_once(tmp_path, compression):
     for less in (1, 2, 20, 100):
         path.write_bytes(data[:-less])
         one_line_error(run("ilftrace", path, code=1), "ilftrace", "truncated")
+    for where in (0, 8, len(data), 2 ** 63):
+        table, offsets = tile_offsets(data)
+        b = bytearray(data)
+        struct.pack_into("<Q", b, table + 8 * (len(offsets) - 1), where)
+        path.write_bytes(b)
+        one_line_error(run("ilftrace", path, code=1), "ilftrace", "probe (2,1)")

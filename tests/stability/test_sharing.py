@@ -27,7 +27,7 @@ def test_replaced_while_read(tmp_path, compression):
     path = constant(2, compression, tmp_path / "f.ilf.exr")
     new = constant(4, compression, tmp_path / "new.exr")
     p = subprocess.Popen(["stdbuf", "-o0", *command("ilftrace", [path])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                         env=environment(ASAN_OPTIONS="verify_asan_link_order=0"))
+                         bufsize=0, env=environment(ASAN_OPTIONS="verify_asan_link_order=0"))
     p.stdin.write(b"0 0 1 0 0 1 0 0 1\n" * 400)     # beyond what stdin buffers: the answers have begun
     p.stdin.flush()
     first = p.stdout.readline()
@@ -36,7 +36,24 @@ def test_replaced_while_read(tmp_path, compression):
     rest, err = p.communicate(rays_text(grid, np.broadcast_to([.1, .2, 1.], grid.shape), grid).encode(), timeout=60)
     values = np.array((first + rest).split(), float)
     assert p.returncode == 0, err
-    assert np.allclose(values, 2, rtol=2e-3), "mixed"     # DWA is lossy
+    assert np.abs(values - 2).max() < .02, ("mixed", values.min(), values.max())     # DWA is lossy
+
+
+@pytest.mark.parametrize("which", ["another probe", "the same probe"])
+@pytest.mark.case("light field written over in place while it is read", "ilfmat/ilf_probe.c", "same size, other values", "refused, one line")
+def test_overwritten_while_read(tmp_path, which):
+    """A mapped file changes under its reader: no answer may be taken for the opened file's."""
+    path, new = constant(2, path=tmp_path / "f.ilf.exr"), constant(4, path=tmp_path / "new.exr")
+    p = subprocess.Popen(["stdbuf", "-o0", *command("ilftrace", [path])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                         bufsize=0, env=environment(ASAN_OPTIONS="verify_asan_link_order=0"))
+    p.stdin.write(b"0 0 1 0 0 1 0 0 1\n" * 400)
+    p.stdin.flush()
+    p.stdout.readline()
+    with open(path, "r+b") as f:
+        f.write(new.read_bytes())
+    there = "1 1" if which == "another probe" else "0 0"
+    out, err = p.communicate(f"{there} 0 0 0 1 {there} 0\n".encode(), timeout=60)
+    assert p.returncode == 1 and err.count(b"\n") == 1 and b"changed" in err, (p.returncode, err)
 
 
 @pytest.mark.case("light field replaced while it is rendered", "ilfmat/ilf_probe.c", "40 replacements during rtrace", "each picture one or the other")
