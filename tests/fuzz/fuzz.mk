@@ -36,7 +36,10 @@ FUZZ_ARCHIVE = $(patsubst %.c,$(FUZZ_DIR)/obj/%.o,$(1))
 FUZZ_OWN_ilf := $(filter-out $(PROGRAMS_ilfmat:%=ilfmat/%.c),$(wildcard ilfmat/*.c)) $(wildcard common/*.c)
 fuzz_sources  = $(filter-out $(PROGRAMS_$(1):%=tools/$(1)/%.c),$(wildcard tools/$(1)/*.c))
 
-$(FUZZ_DIR)/obj/%.o: %.c | $(B0)/.debs-tools
+.PHONY: clang-there
+clang-there:
+	@command -v $(CLANG) >/dev/null || { echo "fuzz: $(CLANG) is not installed (package clang), or set CLANG=..." >&2; exit 1; }
+$(FUZZ_DIR)/obj/%.o: %.c | $(B0)/.debs-tools clang-there
 	@mkdir -p $(@D)
 	$(Q)$(CLANG) $(FUZZ_CPP) $(FUZZ_CFLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer-no-link -c -o $@ $<
 $(FUZZ_DIR)/libown.a: $(patsubst %.c,$(FUZZ_DIR)/obj/%.o,$(FUZZ_OWN_ilf))
