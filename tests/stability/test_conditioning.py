@@ -31,6 +31,15 @@ def test_condition_against_smoothness(tmp_path, lam, row):
     assert worst * EPS < 1e-3
 
 
+@pytest.mark.case("smoothness acts", SOLVE, "lambda 1e-3 against 1e6", "condition at least 10 times higher")
+def test_smoothness_acts(tmp_path, row):
+    """The penalty's rows outweigh the data's by the square root of lambda: a solve whose condition does not rise has none."""
+    names = make_series(tmp_path, scene(100, 100, decades=4, lowest=-2), 2.0 ** np.arange(-6, 2), f_gamma)
+    soft, stiff = (max(conditions(hdrgen(tmp_path, names, "--verbose", "--lambda", lam).err, "first response")) for lam in ("1e-3", "1e6"))
+    row(error=f"{soft:.3g} and {stiff:.3g}")
+    assert stiff > 10 * soft
+
+
 @pytest.mark.parametrize("what, times", [("2 exposures", [.25, 1]), ("16 exposures", 2.0 ** np.arange(-12, 4)), ("ratio 1e3", [1e-3, 1]), ("steps of 1/6 stop", 2.0 ** (np.arange(8) / 6 - 1))])
 @pytest.mark.case("condition of the response's solve", SOLVE, "exposures", "condition x eps < 1e-3, or refused")
 def test_condition_against_exposures(tmp_path, what, times, row):
@@ -131,6 +140,24 @@ def test_falloff_readings(tmp_path, what, angles, tolerance, row):
     beyond = table[-1, 1:4].min()
     row(condition=what, error=f"{error:.4f} inside" + (f" <= {tolerance}" if tolerance else ""), result=f"{beyond:.3f} at the rim")
     assert error <= (tolerance or .06) and (table[:, 1:4] < 1.5).all()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.case("falloff of a flat lens from noisy readings", FIT, "9 readings, 2 % each", "never rises by chance, within 6 % (3 sigma)")
+def test_flat_and_noisy(tmp_path, seed, row):
+    rng = np.random.default_rng(seed)
+    names = []
+    for k, d in enumerate(np.linspace(0, 88, 9)):
+        im = source_picture(d, 90 * k, rng, noise=.005, size=200)
+        y, x = np.mgrid[0:200, 0:200]
+        t = np.hypot((x + .5) / 100 - 1, (y + .5) / 100 - 1) * np.radians(92.5)
+        flat = np.stack([im[..., c] / paper_like(t, STRENGTH[c]) for c in range(3)], -1) * (1 + .02 * rng.normal())
+        names.append(f"{U.write_exr(tmp_path / f's{k}.exr', flat)}@{d}")
+    run("falloffcal", "--lens", "equidistant", "--fov", 185, "-o", tmp_path / "falloff.txt", *names)
+    table = np.loadtxt(tmp_path / "falloff.txt")
+    rise, off = np.diff(table[:, 1:4], axis=0).max(), np.abs(table[table[:, 0] <= 88, 1:4] - 1).max()
+    row(condition=f"seed {seed}", error=f"largest rise {rise:.1e} <= 1e-6, off by {off:.3f}")
+    assert rise <= 1e-6 and off < .06
 
 
 @pytest.mark.case("falloff that is zero at the edge", FIT, "vignette to 1e-4 at 80 degrees", "refused, or positive and falling")
