@@ -46,6 +46,7 @@ def hdr_pictures():
     yield "flat", head + b"-Y 3 +X 4\n" + flat
     yield "order", head + b"+X 3 +Y 4\n" + flat
     yield "old", head + b"-Y 1 +X 9\n" + bytes([9, 8, 7, 130, 1, 1, 1, 8])
+    yield "old-long", head + b"-Y 1 +X 9\n" + bytes([9, 8, 7, 130, 1, 1, 1, 255, 1, 1, 1, 255, 1, 1, 1, 255])
     yield "xyze", b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\nCOLORCORR=1 2 3\n\n-Y 1 +X 3\n" + bytes(range(2, 14))
     line = bytes([2, 2, 0, 9]) + bytes([128 + 9, 5]) + bytes([4, 1, 2, 3, 4, 128 + 5, 6]) + bytes([9, *range(9)]) + bytes([128 + 9, 129])
     yield "new", head + b"-Y 2 +X 9\n" + line + line

@@ -72,7 +72,7 @@ MUTATIONS = {
     "rename-before-sync": ("common/outfile.c", "|| sync_file(fd) < 0 || rename(", "|| rename(", "build/bin/ilfpack", FAULTS + "test_order_of_an_output[ilfpack]"),
     "written-in-place": ("common/outfile.c", "    if (o->slot) {\n        if (remove_it) unlink", "    if (o->slot) {\n        if (remove_it < 0) unlink", "build/bin/ilfpack", FAULTS + "test_disk_full_at_any_byte[ilfpack]"),
     "write-error-unnoticed": ("common/outfile.c", "int bad = ferror(o->stream);\n    if (fflush(o->stream) == EOF) bad = 1;", "int bad = 0;\n    fflush(o->stream);", "build/bin/hdrgen", FAULTS + "test_errors_at_the_nth_call[hdrgen-hdr]"),
-    "sizes-unchecked": ("common/image.c", "int img_check_size(const char *path, int64_t width, int64_t height, errmsg *e)\n{", "int img_check_size(const char *path, int64_t width, int64_t height, errmsg *e)\n{\n    if (width > 0 || height > 0 || path || e) return 0;", "build/bin/fishremap", "tests/stability/test_sharing.py::test_products_of_sizes"),
+    "sizes-unchecked": ("common/image.c", "width > IMG_MAX_SIDE || height > IMG_MAX_SIDE ||\n        width * height > IMG_MAX_PIXELS)", "width < 0)", "build/bin/fishremap", "tests/stability/test_sharing.py::test_products_of_sizes"),
     "run-length-unchecked": ("common/image_hdr.c", "if (x == 0 || run > s->length - x) return", "if (x == 0) return", "build/test/fuzz_hdr build/test/imgtool", CORPUS + "test_replay[hdr]"),
 }
 
