@@ -123,6 +123,8 @@ static double positive_attr(exr_const_context_t ctx, const char *name)
     return isfinite(v) && v > 0 ? (double)v : 0;
 }
 
+enum { DWA_TILE = 4096 }; /* pixels a side: 128 MB */
+
 /* What OpenEXRCore 3.1 can't decode: DWA goes another way; B44 of channels that aren't HALF, which it
  * gets wrong without saying so, is refused. */
 static int check_compression(img_reader *r, exr_state *s, const exr_attr_chlist_t *list, errmsg *e)
@@ -136,6 +138,10 @@ static int check_compression(img_reader *r, exr_state *s, const exr_attr_chlist_
         if (strcmp(s->from[0], "R") != 0 && strcmp(s->from[0], "Y") != 0)
             return img_bad(r, e, "expected channels R, G, B or Y with DWA compression, found %.40s",
                            s->from[0]);
+        /* the library that decodes it takes memory for whole tiles at once */
+        uint32_t tw = 0, th = 0;
+        if (exr_get_tile_descriptor(s->ctx, 0, &tw, &th, NULL, NULL) == EXR_ERR_SUCCESS && (tw > DWA_TILE || th > DWA_TILE))
+            return img_bad(r, e, "expected tiles of at most %dx%d with DWA compression, found %ux%u", DWA_TILE, DWA_TILE, tw, th);
         return img_dwa_open(&s->dwa, r, s->window.min.x, s->window.min.y, !other, e);
     }
     if (other && (comp == EXR_COMPRESSION_B44 || comp == EXR_COMPRESSION_B44A))

@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "exr_header.h"
 #include "image_exr.h"
 
 struct img_dwa {
@@ -29,6 +30,8 @@ void img_dwa_close(img_dwa *d)
 
 int img_dwa_open(img_dwa **out, const img_reader *r, int min_x, int min_y, int half, errmsg *e)
 {
+    if (!exr_header_sound(fileno(r->f), (uint64_t)r->bytes))
+        return img_bad(r, e, "broken OpenEXR file: header whose sizes don't fit (DWA)");
     char name[32]; /* the file as it is open, which may have no name any more */
     snprintf(name, sizeof name, "/dev/fd/%d", fileno(r->f));
     img_dwa *d = calloc(1, sizeof *d);

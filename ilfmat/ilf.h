@@ -102,6 +102,10 @@ typedef struct ilf_usage {
 } ilf_usage;
 void ilf_get_usage(ilf_usage *usage, const ilf *field);
 
+/* ILF_ERR_CHANGED if the file was written to in place since it was opened.  Each probe's first use asks by itself; what was
+ * used before lies in the mapped file and changes with it, so ask again at the end. */
+ilf_status ilf_check_unchanged(const ilf *field, ilf_error *err);
+
 /* One probe's texels as float, n_phi*n_theta*3, row-major from phi = 0, R G B interleaved. */
 ilf_status ilf_read_probe(float *rgb, const ilf *field, int i, int j, ilf_error *err);
 

@@ -75,7 +75,7 @@ void ilf_sample(ilf_draw *draw, const ilf_slice *sl, double u, double v, double 
     draw->pdf = density(sl, k);
     draw->near = k < 0 ? HUGE_VAL : (double)sl->near[k];
     draw->far = k < 0 ? HUGE_VAL : (double)sl->far[k];
-    draw->expected = k < 0 ? 0 : ((double)sl->cdf[k + 1] - (double)sl->cdf[k]) * (double)sl->total;
+    draw->expected = k < 0 ? 0 : ((double)sl->cdf[k + 1] - (double)sl->cdf[k]) * sl->total;
 }
 
 double ilf_pdf(const ilf_slice *sl, const double dir[3])

@@ -5,19 +5,26 @@
  * a tile of FLOAT channels did not compress is more lost here, and a value beyond 65504 is then refused as infinite.
  */
 #include <ImfCRgbaFile.h>
+#include <stdio.h>
 #include <stdlib.h>
 
+#include "exr_header.h"
 #include "ilf_internal.h"
 
 ilf_status ilf_decode_dwa(const ilf *f, int i, int j, uint16_t *pix, ilf_error *err)
 {
     const size_t w = (size_t)f->info.n_theta, h = (size_t)f->info.n_phi;
     ImfRgba *rgba = malloc(w * h * sizeof *rgba);
-    ImfTiledInputFile *in = rgba ? ImfOpenTiledInputFile(f->path) : NULL;
+    char name[32]; /* the file as it is open: another may have its name by now */
+    (void)!snprintf(name, sizeof name, "/dev/fd/%d", f->fd);
+    const int sound = exr_header_sound(f->fd, (uint64_t)f->info.file_bytes);
+    ImfTiledInputFile *in = rgba && sound ? ImfOpenTiledInputFile(name) : NULL;
     ilf_status st = ILF_OK;
 
     if (!rgba)
         st = ilf_fail(err, ILF_ERR_MEMORY, "%s: probe (%d,%d): no memory", f->path, i, j);
+    else if (!sound)
+        st = ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%d,%d): expected a header whose sizes fit", f->path, i, j);
     else if (!in)
         st = ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%d,%d): %s", f->path, i, j, ImfErrorMessage());
     else {

@@ -117,6 +117,13 @@ static vec scaled(vec a, double s)
     return (vec){a.u * s, a.v * s, a.n * s};
 }
 
+/* The same direction, its largest coordinate (size > 0) brought to 1. */
+static vec normal_size(vec a, double size)
+{
+    if (size > 1e-300) return scaled(a, 1 / size);
+    return (vec){a.u / size, a.v / size, a.n / size}; /* the reciprocal would overflow */
+}
+
 ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3], const double dir[3],
                     const double *hit, ilf_mode mode, ilf_error *err)
 {
@@ -126,22 +133,33 @@ ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const doubl
         if (!isfinite(from[c]) || !isfinite(dir[c]))
             return ilf_fail(err, ILF_ERR_ARG, "ray: expected finite coordinates");
     vec d = to_frame(fr, dir);
-    const double size = largest(d);
-    if (!(size > 0 && isfinite(size))) return ilf_fail(err, ILF_ERR_ARG, "ray: expected a direction that is not zero");
-    d = scaled(d, 1 / size);
+    double size = largest(d);
+    if (!(size < 1e300)) { /* sums of three that large may overflow */
+        const double less[3] = {dir[0] * 0x1p-8, dir[1] * 0x1p-8, dir[2] * 0x1p-8};
+        d = to_frame(fr, less);
+        size = largest(d);
+    }
+    if (!(size > 0)) return ilf_fail(err, ILF_ERR_ARG, "ray: expected a direction that is not zero");
+    d = normal_size(d, size);
 
     if (d.n <= 0) { /* no light from below the plane */
         rgb[0] = rgb[1] = rgb[2] = 0;
         return ILF_OK;
     }
-    const double rel[3] = {from[0] - fr->origin[0], from[1] - fr->origin[1], from[2] - fr->origin[2]};
-    const vec h = to_frame(fr, rel);
+    double rel[3] = {from[0] - fr->origin[0], from[1] - fr->origin[1], from[2] - fr->origin[2]}, unit = 1;
+    vec h = to_frame(fr, rel);
+    if (!(largest(h) < 1e300)) { /* in a larger unit, then: its differences and sums may overflow */
+        unit = 0x1p-8;
+        for (int c = 0; c < 3; c++) rel[c] = from[c] * unit - fr->origin[c] * unit;
+        h = to_frame(fr, rel);
+    }
+    const double len_u = fr->len_u * unit, len_v = fr->len_v * unit;
     /* back to the plane; at grazing angles the quotient may overflow, which the clamp takes */
     const double back = h.n == 0 ? 0 : h.n / d.n;
     const double pu = d.u == 0 ? h.u : h.u - d.u * back;
     const double pv = d.v == 0 ? h.v : h.v - d.v * back;
     const int n_u = f->info.n_u, n_v = f->info.n_v;
-    const double s = grid_coordinate(pu, fr->len_u, n_u), t = grid_coordinate(pv, fr->len_v, n_v);
+    const double s = grid_coordinate(pu, len_u, n_u), t = grid_coordinate(pv, len_v, n_v);
     const int i0 = (int)s, j0 = (int)t;
     const double a = s - i0, b = t - j0;
     const int corrected = hit && mode == ILF_DEPTH;
@@ -160,10 +178,10 @@ ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const doubl
         const ilf_status st = ilf_need_probe(f, m, err);
         if (st != ILF_OK) return st;
         if (corrected) {
-            const double qu = probe_position(i, fr->len_u, n_u), qv = probe_position(j, fr->len_v, n_v);
+            const double qu = probe_position(i, len_u, n_u), qv = probe_position(j, len_v, n_v);
             const vec to = {h.u - qu - qv * fr->cos_uv, h.v - qv - qu * fr->cos_uv, h.n};
             const double dist = largest(to);
-            at = find_place(f, dist > 0 ? scaled(to, 1 / dist) : d);
+            at = find_place(f, dist > 0 ? normal_size(to, dist) : d);
         }
         taps += add_probe(tap + taps, sum, f, &f->probes[m], &at, w);
     }

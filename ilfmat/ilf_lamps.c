@@ -77,7 +77,7 @@ ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *s, 
         for (int a = 0; a < 3; a++)
             lamps[k].position[a] = fr->origin[a] + (c[k].sum[0] * fr->u[a] + c[k].sum[1] * fr->v[a] + c[k].sum[2] * fr->n[a]) / c[k].n;
         lamps[k].radius = 1.5 * (c[k].away / c[k].n + c[k].ball); /* of a disc, the mean distance is 2/3 of the radius */
-        lamps[k].excess = c[k].excess;
+        lamps[k].excess = c[k].excess * s->unit;
     }
     free(c);
     return ILF_OK;

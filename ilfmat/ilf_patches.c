@@ -261,5 +261,9 @@ ilf_status ilf_find_patches(ilf_sampler *s, ilf_error *err)
             }
     }
     free(block);
+    s->unit = 0;
+    for (size_t k = 0; k < s->patches.n; k++) s->unit = fmax(s->unit, (double)s->patches.p[k].excess);
+    for (size_t k = 0; k < s->patches.n; k++) /* no weight is 0: a slice may see the faintest patch alone */
+        s->patches.p[k].excess = (float)fmax((double)s->patches.p[k].excess / s->unit, 1e-30);
     return st;
 }

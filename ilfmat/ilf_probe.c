@@ -70,7 +70,7 @@ static ilf_status decode(ilf *f, const exr_chunk_info_t *chunk, unsigned char *p
 
 /* The file must be the one that was opened: replaced by rename it still is (the old file lives on
  * while it is open), written in place it is not. */
-static ilf_status check_unchanged(const ilf *f, ilf_error *err)
+ilf_status ilf_check_unchanged(const ilf *f, ilf_error *err)
 {
     struct stat st;
 
@@ -87,7 +87,7 @@ static ilf_status get_tile(ilf *f, int64_t k, const unsigned char **pix, void **
     const int i = (int)(k % f->info.n_u), j = (int)(k / f->info.n_u);
     exr_chunk_info_t chunk;
     char where[64];
-    ilf_status st = check_unchanged(f, err);
+    ilf_status st = ilf_check_unchanged(f, err);
 
     if (st != ILF_OK) return st;
     f->exr_words.text[0] = 0;

@@ -22,7 +22,7 @@ enum { SLICE_BITS = 8, SLICE_SIDE = 1 << SLICE_BITS, SLICE_CELLS = SLICE_SIDE * 
 typedef struct patch {
     float u, v, n;  /* centre */
     float radius;   /* holds all of the patch, bilinear lookup's half texel included */
-    float excess;   /* largest luminance over the threshold */
+    float excess;   /* largest luminance over the threshold, in units of the sampler's */
     int i, j;       /* the probe */
 } patch;
 
@@ -34,7 +34,7 @@ typedef struct patch_list {
 struct ilf_slice {
     int64_t key[3];  /* cube of space */
     float visible, tests; /* history of shadow tests */
-    float total;     /* sum of the cells' excess luminance */
+    double total;    /* sum of the cells' excess luminance */
     int cells;       /* with light */
     uint16_t *cell;  /* ascending Morton numbers */
     float *cdf;      /* cells + 1 values from 0 to 1 */
@@ -46,6 +46,7 @@ struct ilf_sampler {
     ilf_frame frame;
     ilf_sampler_spec spec;
     double threshold, cube;
+    double unit; /* largest excess of all: weights relative to it stay in a float's range for any light */
     patch_list patches;
     ilf_slice **table; /* open addressing, table_size a power of two */
     size_t table_size, used;

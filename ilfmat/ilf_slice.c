@@ -217,7 +217,7 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
             }
             const ilf_status st = ilf_eval(rgb, s->field, fr, x, d, s->spec.mode == ILF_DEPTH ? hit : x, s->spec.mode, err);
             if (st != ILF_OK) return st;
-            s->seen[k] = fmaxf(s->seen[k], (float)(ilf_luminance(rgb) * ilf_excess_part(rgb, s->threshold)));
+            s->seen[k] = fmaxf(s->seen[k], (float)fmin(ilf_luminance(rgb) / s->unit * ilf_excess_part(rgb, s->threshold), 1e6));
         }
     }
     for (int t = 0; t < touched; t++) {
@@ -258,13 +258,13 @@ static ilf_slice *collect(ilf_sampler *s, int touched)
         sl->cdf[k] = (float)total;
         sl->near[k] = s->near[at];
         sl->far[k] = s->far[at];
-        total += (double)s->weight[at];
+        total += fmax((double)s->weight[at], 1e-30); /* never 0 in all */
         s->weight[at] = 0;
         s->owner[at] = 0;
     }
     for (size_t k = 0; k < n; k++) sl->cdf[k] = (float)((double)sl->cdf[k] / total);
     sl->cdf[n] = 1;
-    sl->total = (float)total;
+    sl->total = total * s->unit;
     return sl;
 }
 

@@ -7,6 +7,7 @@
 #include "ilf_internal.h"
 
 #if defined(__x86_64__) && defined(__GNUC__)
+#include <cpuid.h>
 #include <immintrin.h>
 #define HAVE_F16C_PATH 1
 #endif
@@ -72,11 +73,22 @@ __attribute__((target("avx2,f16c,fma"))) static void sum_half_f16c(double rgb[3]
 }
 #endif
 
+#ifdef HAVE_F16C_PATH
+/* clang before 16 has no name for f16c in __builtin_cpu_supports; that the system keeps the wide
+ * registers is checked with avx2. */
+static int has_f16c(void)
+{
+    unsigned a, b, c, d;
+
+    return __get_cpuid(1, &a, &b, &c, &d) && (c & bit_F16C);
+}
+#endif
+
 ilf_sum_fn *ilf_choose_sum(int is_half)
 {
     if (!is_half) return sum_float;
 #ifdef HAVE_F16C_PATH
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("f16c")) return sum_half_f16c;
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && has_f16c()) return sum_half_f16c;
 #endif
     return sum_half;
 }

@@ -15,13 +15,16 @@ struct ilf_writer {
     ilf_error words;  /* OpenEXR's own */
 };
 
+/* The writer that this thread is in a call of.  Not the context's user data: asking a context that writes for
+ * anything waits for the lock that the failing call holds (OpenEXR 3.1). */
+static _Thread_local ilf_writer *at_work;
+
 static void keep_words(exr_const_context_t ctxt, exr_result_t code, const char *msg)
 {
-    void *user = NULL;
+    ilf_writer *w = at_work;
 
-    if (!ctxt || exr_get_user_data(ctxt, &user) != EXR_ERR_SUCCESS || !user) return;
-    ilf_writer *w = user;
-    if (!w->words.text[0]) ilf_fail(&w->words, ILF_ERR_IO, "%s", msg ? msg : exr_get_default_error_message(code));
+    (void)ctxt;
+    if (w && !w->words.text[0]) ilf_fail(&w->words, ILF_ERR_IO, "%s", msg ? msg : exr_get_default_error_message(code));
 }
 
 static ilf_status failed(const ilf_writer *w, exr_result_t r, ilf_error *err)
@@ -133,8 +136,8 @@ ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec
     }
     w->spec = *spec;
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
-    init.user_data = w;
     init.error_handler_fn = keep_words;
+    at_work = w;
     exr_result_t r = exr_start_write(&w->exr, path, EXR_WRITE_FILE_DIRECTLY, &init);
     if (r != EXR_ERR_SUCCESS)
         w->exr = NULL;
@@ -184,6 +187,7 @@ ilf_status ilf_writer_probe(ilf_writer *w, const float *rgb, ilf_error *err)
     if (st != ILF_OK) return st;
     const unsigned char *from = w->half ? (const unsigned char *)w->half : (const unsigned char *)rgb;
 
+    at_work = w;
     exr_result_t r = exr_write_tile_chunk_info(w->exr, 0, i, j, 0, 0, &chunk);
     if (r == EXR_ERR_SUCCESS) r = exr_encoding_initialize(w->exr, 0, &chunk, &e);
     if (r == EXR_ERR_SUCCESS) {
@@ -215,6 +219,7 @@ ilf_status ilf_writer_close(ilf_writer *w, ilf_error *err)
         st = ilf_fail(err, ILF_ERR_ARG, "%s: expected %lld probes, found %lld", w->path,
                       (long long)w->spec.n_u * w->spec.n_v, (long long)w->next);
     else {
+        at_work = w;
         const exr_result_t r = exr_finish(&w->exr);
         w->exr = NULL;
         if (r != EXR_ERR_SUCCESS) st = failed(w, r, err);
@@ -226,6 +231,7 @@ ilf_status ilf_writer_close(ilf_writer *w, ilf_error *err)
 void ilf_writer_abort(ilf_writer *w)
 {
     if (!w) return;
+    at_work = NULL;
     if (w->exr) exr_finish(&w->exr);
     free(w->half);
     free(w->path);

@@ -109,6 +109,25 @@ static void load_probe(img *im, const char *path)
     *im = rgb;
 }
 
+/* The header holds floats: say so where that moves a probe by more than a thousandth of the pitch. */
+static void check_rounding(void)
+{
+    double worst = 0;
+
+    for (int k = 0; k < 2; k++) {
+        const double *edge = plane + 3 + 3 * k;
+        const int n = k ? n_v : n_u;
+        const double pitch = sqrt(edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2]) / (n > 1 ? n - 1 : 1);
+        for (int c = 0; c < 3; c++) {
+            worst = fmax(worst, fabs((double)(float)plane[c] - plane[c]) / pitch);
+            worst = fmax(worst, fabs((double)(float)edge[c] - edge[c]) / pitch);
+        }
+    }
+    if (worst > 1e-3)
+        cli_warn("--plane rounds to the header's floats, %.3g of a probe's pitch off: give the material the plane as 9 reals",
+                 worst);
+}
+
 static void check_usage(int operands)
 {
     ilf_frame frame;
@@ -125,6 +144,7 @@ static void check_usage(int operands)
         cli_fail(CLI_USAGE, "--type: expected half or float, found %s", type_name);
     if ((int64_t)n_u * n_v != operands)
         cli_fail(CLI_USAGE, "expected %lld probes (%dx%d), found %d", (long long)n_u * n_v, n_u, n_v, operands);
+    check_rounding();
 }
 
 int main(int argc, char **argv)

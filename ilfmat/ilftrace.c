@@ -102,6 +102,7 @@ int main(int argc, char **argv)
     }
     if (ferror(stdin)) cli_fail(CLI_FAILED, "standard input: %s", strerror(errno));
     free(line);
+    if (ilf_check_unchanged(field, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     if (report) {
         ilf_usage use;
         ilf_get_usage(&use, field);

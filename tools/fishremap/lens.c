@@ -41,7 +41,7 @@ static int table_slopes(lens *l, errmsg *e)
     for (int i = 0; i + 1 < n; i++) {
         double h = l->tab_t[i + 1] - l->tab_t[i];
         d[i] = (l->tab_r[i + 1] - l->tab_r[i]) / h;
-        if (!(h > 0) || !(d[i] > 0))
+        if (!(h > 0) || !(d[i] > 0) || !isfinite(d[i]))
             return err_set(e, "lens table: expected angle and radius to grow, found %g deg r %g after %g deg r %g",
                            l->tab_t[i + 1] / DEG, l->tab_r[i + 1], l->tab_t[i] / DEG, l->tab_r[i]);
     }
@@ -161,6 +161,8 @@ int lens_finish(lens *l, double half, errmsg *e)
     if (l->kind == LENS_TABLE) {
         if (table_slopes(l, e)) return -1;
         double last = l->tab_t[l->ntable - 1];
+        if (l->tab_t[0] != 0 || l->tab_r[0] != 0)
+            return err_set(e, "lens table: expected radius 0 at 0 degrees, found %g at %g", l->tab_r[0], l->tab_t[0] / DEG);
         if (half > last * (1 + 1e-9))
             return err_set(e, "lens table: expected angles up to %g degrees (half the field of view), found none beyond %g",
                            half / DEG, last / DEG);

@@ -13,6 +13,15 @@
 
 #define TABLE 16384
 
+/* Solid angle per area of picture (radius 1) at r.  The orthographic lens's 1/cos has no bound at the rim of 180
+ * degrees, though its integral has: there the mean over the ring that a pixel of half width d reaches. */
+static double per_area_at(const lens *l, double r, double d)
+{
+    if (l->kind != LENS_ORTHOGRAPHIC) return lens_solid_angle(l, r);
+    const double r0 = fmax(fmin(r, 1) - d, 0), r1 = fmin(r + d, 1), a = lens_angle(l, r0), b = lens_angle(l, r1);
+    return 4 * sin((a + b) / 2) * sin((b - a) / 2) / (r1 * r1 - r0 * r0);
+}
+
 int geometry_init(geometry *g, const chart *dst, const chart *src, const unsigned char *skip, errmsg *e)
 {
     memset(g, 0, sizeof *g);
@@ -32,7 +41,7 @@ int geometry_init(geometry *g, const chart *dst, const chart *src, const unsigne
         return err_set(e, "out of memory");
     }
     for (int k = 0; k <= TABLE + 1; k++)
-        table[k] = (float)(lens_solid_angle(&src->lens, (double)k / TABLE) / (src->radius * src->radius));
+        table[k] = (float)(per_area_at(&src->lens, (double)k / TABLE, 0.5 / src->radius) / (src->radius * src->radius));
     float scale = (float)(TABLE / src->radius), limit = (float)(src->radius + M_SQRT1_2) * scale;
 #pragma omp parallel for schedule(static)
     for (int y = 0; y < h; y++) {

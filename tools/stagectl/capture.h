@@ -39,7 +39,6 @@ typedef struct capture_run {
     place pending_at; /* recorded but not synced and renamed yet: these exposures of this place */
     int pending[EXPOSURES_MAX], n_pending;
     double committed_s;
-    long serial;
     double started_s;
     long places_this_run;
     int guess;

@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -82,7 +83,7 @@ static int replay(journal *j, const char *w)
     double x, y;
     journal_shot t = {0};
     if (!strncmp(w, "plan ", 5) || !strncmp(w, "run ", 4)) return 0;
-    if (sscanf(w, "steps %lf %lf%n", &x, &y, &at) == 2 && !w[at]) {
+    if (sscanf(w, "steps %lf %lf%n", &x, &y, &at) == 2 && !w[at] && isfinite(x) && isfinite(y)) {
         j->steps[0] = x;
         j->steps[1] = y;
         j->has_steps = 1;
@@ -92,7 +93,8 @@ static int replay(journal *j, const char *w)
         node(j, i, jj)->begun = 1;
         return 0;
     }
-    if (sscanf(w, "arrived %d %d %lf %lf%n", &i, &jj, &x, &y, &at) == 4 && !w[at] && node(j, i, jj)) {
+    if (sscanf(w, "arrived %d %d %lf %lf%n", &i, &jj, &x, &y, &at) == 4 && !w[at] && node(j, i, jj) && isfinite(x) &&
+        isfinite(y)) {
         journal_place *p = node(j, i, jj);
         p->has_arrived = j->has_last = 1;
         p->arrived[0] = j->last[0] = x;
@@ -100,7 +102,8 @@ static int replay(journal *j, const char *w)
         return 0;
     }
     if (sscanf(w, "shot %d %d %d %" SCNd64 " %" SCNd64 " %64s %lf %lf %39s", &i, &jj, &k, &t.size,
-               &t.mtime_ns, t.digest, &t.clip, &t.black, t.temp) == 9)
+               &t.mtime_ns, t.digest, &t.clip, &t.black, t.temp) == 9 &&
+        t.size >= 0 && isfinite(t.clip) && isfinite(t.black) && !strchr(t.temp, '/')) /* in the folder itself */
         return note_shot(j, node(j, i, jj), k, &t);
     if (sscanf(w, "done %d %d%n", &i, &jj, &at) == 2 && !w[at] && node(j, i, jj)) {
         node(j, i, jj)->done = 1;
@@ -207,6 +210,7 @@ static int read_all(journal *j, off_t *whole, errmsg *e)
     int bad = 0;
     if (fstat(j->fd, &st) != 0) return err_errno(e, "%s", j->path);
     if (st.st_size > (off_t)1 << 30) return err_set(e, "%s: too long for a journal", j->path);
+    if (st.st_size == 0) return err_set(e, "%s: expected '%s', found an empty file", j->path, heading);
     size_t size = (size_t)st.st_size, got = 0;
     char *text = malloc(size + 1);
     if (!text) return err_set(e, "%s: out of memory", j->path);

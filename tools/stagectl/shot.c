@@ -1,6 +1,9 @@
 /* shot.c - one exposure, from the camera's command to a file that the journal vouches for. */
+#include <errno.h>
+#include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -66,6 +69,18 @@ static stage_code expose(capture_run *r, journal_shot *t, const place *p, const 
     return look_at(t, s, path, e) == 0 ? STAGE_OK : STAGE_FAILED;
 }
 
+/* A name that nobody can foresee: the camera's program will write to whatever stands there. */
+static int temp_name(char out[40], const char *ending, errmsg *e)
+{
+    uint64_t number;
+    ssize_t n;
+    do n = getrandom(&number, sizeof number, 0);
+    while (n < 0 && errno == EINTR);
+    if (n != (ssize_t)sizeof number) return err_errno(e, "random numbers");
+    snprintf(out, 40, ".shot-%016" PRIx64 "%s", number, ending);
+    return 0;
+}
+
 stage_code shot_take(capture_run *r, const place *p, const double arrived[2], int k, errmsg *e)
 {
     const session *s = r->s;
@@ -84,9 +99,8 @@ stage_code shot_take(capture_run *r, const place *p, const double arrived[2], in
     const char *dot = strrchr(name, '.'), *ending = dot && !strchr(dot, '/') && strlen(dot) < 12 ? dot : "";
     for (int attempt = 0; attempt <= s->retries && code == STAGE_FAILED; attempt++) {
         memset(&t, 0, sizeof t);
-        snprintf(t.temp, sizeof t.temp, ".shot-%ld-%ld%s", (long)getpid(), r->serial++, ending);
-        if (files_join(temp, sizeof temp, s->folder, t.temp, e) != 0) return STAGE_FAILED;
-        remove(temp); /* of an earlier process with this number */
+        if (temp_name(t.temp, ending, e) != 0 || files_join(temp, sizeof temp, s->folder, t.temp, e) != 0)
+            return STAGE_FAILED;
         code = expose(r, &t, p, arrived, k, temp, e);
         if (code == STAGE_OK) break;
         remove(temp);

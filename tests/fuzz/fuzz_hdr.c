@@ -1,0 +1,8 @@
+/* fuzz_hdr.c - Radiance pictures: header only, then all rows. */
+#include "fuzz_image.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    if (size >= 2 && data[0] == '#' && data[1] == '?') read_picture(data, size);
+    return 0;
+}

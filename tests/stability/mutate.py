@@ -1,0 +1,158 @@
+"""Break the code on purpose, one thing at a time, and see which test notices.
+
+    python tests/stability/mutate.py [NAME ...]
+
+Each mutation is a substitution of one text in one file.  It is made in a copy of the tree under build/mutants, what
+depends on it is built there, and the named test is run: it must fail (its own failure, not that of the build).  Before that,
+the same tests must pass in the unbroken copy.  build/mutations.csv: mutation, file, test, verdict.
+"""
+import csv
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+TOP = Path(__file__).resolve().parents[2]
+COPY = TOP / "build" / "mutants"
+
+# name: (file, old, new, what make builds, test that must notice)
+EVAL, FILES, STIFF, FAULTS = "tests/test_ilf_eval.py::", "tests/test_ilf_files.py::", "tests/test_hdrgen_stiff.py::", "tests/stability/test_faults.py::"
+LOOKUP, CORPUS, STAGE = "tests/stability/test_lookup.py::", "tests/stability/test_corpus.py::", "tests/test_stagectl_faults.py::"
+TRACE = "build/bin/ilftrace build/test/ilfstorm"
+
+MUTATIONS = {
+    # ---- the lookup
+    "pole-without-mean": ("ilfmat/ilf_eval.c", "at.top = fmax(2 * fy + 1, 0);", "at.top = 1;", TRACE, EVAL + "test_ilftrace_at_poles_seams_nodes_and_edges"),
+    "pole-jumps": ("ilfmat/ilf_eval.c", "at.top = fmax(2 * fy + 1, 0);", "at.top = fmax(2 * fy + 0.9, 0);", TRACE, LOOKUP + "test_rays_by_the_million"),
+    "clamp-of-plane-coordinates": ("ilfmat/ilf_eval.c", "return fmin(fmax(s, 0), n - 1);", "return fmin(fmax(s, 0), n - 1 - 1e-3);", TRACE, EVAL + "test_ilftrace_extreme_planes"),
+    "polarValid-ignored": ("ilfmat/ilf_eval.c", "d.n), f->info.polar_valid);", "d.n), f->info.polar_max);", TRACE, EVAL + "test_ilftrace_polar_valid"),
+    "seam-not-wrapped": ("ilfmat/ilf_eval.c", "if (x0 < 0) x0 += nt;", "if (x0 < 0) x0 = 0;", TRACE, LOOKUP + "test_rays_by_the_million"),
+    "grazing-cut-early": ("ilfmat/ilf_eval.c", "if (d.n <= 0) {", "if (d.n <= 1e-9) {", TRACE, EVAL + "test_ilftrace_near_parallel_rays"),
+    "reciprocal-of-a-denormal": ("ilfmat/ilf_eval.c", "if (size > 1e-300) return", "if (size > 0) return", "build/test/fuzz_rays", CORPUS + "test_replay[rays]"),
+    "overflow-far-away": ("ilfmat/ilf_eval.c", "if (!(largest(h) < 1e300)) {", "if (0) {", "build/test/fuzz_rays", CORPUS + "test_replay[rays]"),
+    "no-depth-correction": ("ilfmat/ilf_eval.c", "hit && mode == ILF_DEPTH;", "hit && mode != ILF_DEPTH;", TRACE, EVAL + "test_ilftrace_agrees"),
+    "skewed-plane-taken-as-square": ("ilfmat/ilf_eval.c", "h.v - qv - qu * fr->cos_uv", "h.v - qv", TRACE, EVAL + "test_ilftrace_extreme_planes"),
+    "rel-in-float": ("ilfmat/ilf_eval.c", "{from[0] - fr->origin[0],", "{(double)((float)from[0] - (float)fr->origin[0]),", TRACE, LOOKUP + "test_error_growth_with_offset"),
+    "half-blue-lost": ("ilfmat/ilf_taps.c", "rgb[2] += b[0] + b[1];", "rgb[2] += b[0];", TRACE, EVAL + "test_ilftrace_reads_each_compression"),
+    # ---- the file
+    "truncation-unseen": ("ilfmat/ilf_file.c", "little_endian(size, 4) > end - last - head)", "0)", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),
+    "table-unchecked": ("ilfmat/ilf_file.c", "if (at < table + (uint64_t)n * 8 || at >= end) {", "if (0) {", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),
+    "nan-half-accepted": ("ilfmat/ilf_probe.c", "(h & 0x7c00u) == 0x7c00u", "h == 0x7c00u", TRACE, FILES + "test_texel_that_is_no_number_is_named"),
+    "change-unseen": ("ilfmat/ilf_probe.c", "    struct stat st;\n\n    if (fstat(f->fd, &st) != 0) return", "    struct stat st;\n\n    if (f->fd >= 0) return ILF_OK;\n    if (fstat(f->fd, &st) != 0) return", TRACE, "tests/stability/test_sharing.py::test_overwritten_while_read"),
+    "dwa-by-name": ("ilfmat/ilf_dwa.c", "ImfOpenTiledInputFile(name)", "ImfOpenTiledInputFile(f->path)", TRACE, "tests/stability/test_sharing.py::test_replaced_while_read"),
+    "not-perpendicular-accepted": ("ilfmat/ilf_frame.c", "if (fabs(uv) > 1e-4)", "if (fabs(uv) > 1e-2)", TRACE + " build/bin/ilfinfo", FILES + "test_edges_are_perpendicular"),
+    "texel-beyond-half-packed": ("ilfmat/ilf_write.c", "if (fabsf(rgb[k]) > 65504.f)", "if (0)", "build/bin/ilfpack", "tests/test_ilf_commands.py::test_ilfpack_refuses"),
+    # ---- sampling
+    "patch-narrower-than-it-is": ("ilfmat/ilf_slice.c", "const double reach = cone + half_cell;", "const double reach = 1e-3 + 0 * (cone + half_cell);", "build/test/ilfdraw", "tests/test_ilf_sampling.py::test_no_direction_with_excess_is_missed[lamps-box]"),
+    "density-too-high": ("ilfmat/ilf_draw.c", "(1 - SLICE_UNIFORM) * map;", "(1 - SLICE_UNIFORM) * map * 1.05;", "build/test/ilfdraw", "tests/test_ilf_sampling.py::test_integrals_of_the_density"),
+    "weights-in-radiance": ("ilfmat/ilf_patches.c", "(double)s->patches.p[k].excess / s->unit, 1e-30", "(double)s->patches.p[k].excess, 0", "build/test/ilfdraw", LOOKUP + "test_sampler_at_any_level"),
+    "split-counts-twice": ("radiance_patch/m_ilf.c", "if (part == ILF_BASE)", "if (part == ILF_BASE && 0)", "build/bin/rtrace", "tests/test_radiance_di.py::test_irradiance_is_the_oracles_integral"),
+    # ---- hdrgen
+    "clipped-code-trusted": ("tools/hdrgen/mergetab.c", "v->valid = z < top;", "v->valid = 1;", "build/bin/hdrgen", "tests/stability/test_weights.py::test_clipped_against_expectation"),
+    "weights-not-zero-at-the-ends": ("tools/hdrgen/mergetab.c", "else if (inside)\n            w = 2 * fmin(z, top - z) / top;", "else\n            w = 2 * fmin(z + 1, top + 1 - z) / top;", "build/bin/hdrgen", "tests/stability/test_weights.py::test_ends_of_the_range_weigh_nothing"),
+    "smoothness-forgotten": ("tools/hdrgen/debevec.c", "curve_penalty(q, b, lambda, NULL)", "curve_penalty(q, b, 0 * lambda, NULL)", "build/bin/hdrgen", "tests/stability/test_conditioning.py::test_smoothness_acts"),
+    "response-not-monotone": ("tools/hdrgen/response.c", "while (blocks > 1 && mean[blocks - 1] < mean[blocks - 2]) {", "while (blocks > 1 && mean[blocks - 1] < mean[blocks - 2] - 1) {", "build/test/hdrgenparts", "tests/test_hdrgen_parts.py::test_monotone_is_isotonic_regression_of_the_logarithm"),
+    "time-read-as-zero": ("tools/hdrgen/times.c", "|| !(t > 0)) {", ") {", "build/test/fuzz_times build/bin/hdrgen", "tests/test_hdrgen.py::test_bad_times"),
+    # ---- fishremap, falloffcal
+    "jacobian-constant": ("tools/fishremap/weights.c", "(float)(per_area_at(&src->lens, (double)k / TABLE, 0.5 / src->radius)", "(float)(per_area_at(&src->lens, 0.0 * k / TABLE, 0.5 / src->radius)", "build/bin/fishremap", "tests/stability/test_remap.py::test_mean_of_a_hemisphere"),
+    "table-off-the-axis": ("tools/fishremap/lens.c", "if (l->tab_t[0] != 0 || l->tab_r[0] != 0)", "if (0)", "build/test/fuzz_lens", CORPUS + "test_replay[lens]"),
+    "falloff-may-rise": ("tools/fishremap/falloff_fit.c", "if (rises && solve_monotone", "if (rises && 0 && solve_monotone", "build/bin/falloffcal", "tests/stability/test_conditioning.py::test_flat_and_noisy"),
+    "falloff-trusts-all": ("tools/fishremap/falloff_fit.c", "int in = fabs(d->y[i] - predict(g, d->t[i])) < limit;", "int in = limit > 0;", "build/bin/falloffcal", "tests/test_falloffcal.py::test_wild_outliers_survive"),
+    # ---- stagectl
+    "journal-not-synced": ("tools/stagectl/shot.c", "    if (journal_sync(r->j, e) != 0) return -1;\n    while", "    while", "build/bin/stagectl build/bin/virtualstage", FAULTS + "test_order_of_the_journal"),
+    "journal-before-its-files": ("tools/stagectl/journal.c", "syncfs(j->lock_fd) != 0 || fdatasync(j->fd) != 0", "fdatasync(j->fd) != 0 || syncfs(j->lock_fd) != 0", "build/bin/stagectl build/bin/virtualstage", FAULTS + "test_order_of_the_journal"),
+    "checksum-unchecked": ("tools/stagectl/journal.c", "crc == crc_of(line + 9, n - 9) ?", "crc + 1 > 0 ?", "build/bin/stagectl build/bin/virtualstage", STAGE + "test_damage_in_the_middle_is_refused"),
+    "empty-journal-accepted": ("tools/stagectl/journal.c", "if (st.st_size == 0) return", "if (st.st_size < 0) return", "build/test/fuzz_journal", CORPUS + "test_replay[journal]"),
+    "any-place-believed": ("tools/stagectl/grbl.c", "<= 0.5 / s->facts.steps_per_mm[a] + 1.02 * digit;", "<= 5e6 / s->facts.steps_per_mm[a] + 1.02 * digit;", "build/bin/stagectl build/bin/virtualstage", "tests/test_stagectl.py::test_a_position_that_is_not_the_target_is_not_believed"),
+    "names-unquoted": ("tools/stagectl/names.c", "{\"file\", s->shell ? quoted : file, 0},", "{\"file\", file, 0},", "build/bin/stagectl build/bin/virtualstage", STAGE + "test_names_with_blanks_and_quotes_are_safe_in_a_shell"),
+    "names-foreseeable": ("tools/stagectl/shot.c", "\".shot-%016\" PRIx64 \"%s\", number, ending", "\".shot-%016\" PRIx64 \"%s\", number & 15, ending", "build/bin/stagectl build/bin/virtualstage", "tests/stability/test_sharing.py::test_temp_names"),
+    # ---- common
+    "rename-before-sync": ("common/outfile.c", "|| sync_file(fd) < 0 || rename(", "|| rename(", "build/bin/ilfpack", FAULTS + "test_order_of_an_output[ilfpack]"),
+    "written-in-place": ("common/outfile.c", "    if (o->slot) {\n        if (remove_it) unlink", "    if (o->slot) {\n        if (remove_it < 0) unlink", "build/bin/hdrgen", FAULTS + "test_errors_at_the_nth_call[hdrgen-hdr]"),
+    "write-error-unnoticed": ("common/outfile.c", "int bad = ferror(o->stream);\n    if (fflush(o->stream) == EOF) bad = 1;", "int bad = 0;\n    fflush(o->stream);", "build/bin/hdrgen", FAULTS + "test_errors_at_the_nth_call[hdrgen-hdr]"),
+    "sizes-unchecked": ("common/image.c", "width > IMG_MAX_SIDE || height > IMG_MAX_SIDE ||\n        width * height > IMG_MAX_PIXELS)", "width < 0)", "build/bin/fishremap", "tests/stability/test_sharing.py::test_products_of_sizes"),
+    "run-length-unchecked": ("common/image_hdr.c", "if (x == 0 || run > s->length - x) return", "if (x == 0) return", "build/test/fuzz_hdr build/test/imgtool", CORPUS + "test_replay[hdr]"),
+}
+
+def sh(words, **kw):
+    return subprocess.run(words, cwd=COPY, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **kw)
+
+
+def make(targets):
+    env = {k: v for k, v in os.environ.items() if not k.startswith("MAKE") and k != "MFLAGS"}
+    return sh(["make", "-j2", *targets.split()], env=env)
+
+
+def test(name):
+    """Seconds that the test may take are bounded: a hang is a failure too."""
+    python = COPY / "build/venv/bin/python"
+    env = {**os.environ, "ILF_BUILD": "build", "ILF_SHARED": str((TOP / os.environ.get("ILF_SHARED", "../shared")).resolve())}
+    try:
+        return sh([str(python), "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", name], env=env, timeout=300)
+    except subprocess.TimeoutExpired:
+        return subprocess.CompletedProcess(name, 1, "hangs\n1 failed")
+
+
+def copy_tree():
+    names = subprocess.run(["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=TOP, capture_output=True, text=True, check=True).stdout
+    shutil.rmtree(COPY, ignore_errors=True)
+    COPY.mkdir(parents=True)
+    for name in names.splitlines():
+        if (TOP / name).is_file():
+            (COPY / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(TOP / name, COPY / name)
+    (COPY / "build").mkdir()
+    for part in ("bin", "lib", "obj", "radiance", "test", ".debs-radiance", ".debs-tools", ".debs-test"):
+        if (TOP / "build" / part).exists():
+            subprocess.run(["cp", "-a", str(TOP / "build" / part), str(COPY / "build")], check=True)
+    (COPY / "build/venv").symlink_to((TOP / "build/venv").resolve())
+    (COPY / "setup/venv.sh").touch()
+    for stamp in (COPY / "setup/venv.sh", COPY / "setup/requirements.txt"):
+        os.utime(stamp, (0, 0))
+
+
+def main(wanted):
+    unknown = set(wanted) - set(MUTATIONS)
+    if unknown:
+        sys.exit(f"mutate: expected names of mutations, found {' '.join(sorted(unknown))}")
+    chosen = {k: v for k, v in MUTATIONS.items() if not wanted or k in wanted}
+    copy_tree()
+    missed, rows, passes = [], [], {}
+    for name, (file, old, new, targets, check) in chosen.items():
+        path, start = COPY / file, time.monotonic()
+        whole = path.read_text()
+        if whole.count(old) != 1:
+            missed.append(name)
+            rows.append([name, file, check, f"the text to change stands there {whole.count(old)} times"])
+            print(*rows[-1], flush=True)
+            continue
+        if check not in passes:
+            built = make(targets)
+            passes[check] = built.returncode == 0 and test(check).returncode == 0
+        path.write_text(whole.replace(old, new))
+        built = make(targets)
+        if not passes[check]:
+            verdict = "the test fails without it, too"
+        elif built.returncode:
+            verdict = "does not build: " + built.stdout[-300:].replace("\n", " ")
+        else:
+            p = test(check)
+            verdict = "caught" if p.returncode == 1 and "failed" in p.stdout else "error" if p.returncode not in (0, 1) else "NOT CAUGHT"
+        path.write_text(whole)
+        rows.append([name, file, check, verdict])
+        if verdict != "caught":
+            missed.append(name)
+        print(f"{name:32} {file:32} {verdict}  ({check}, {time.monotonic() - start:.0f} s)", flush=True)
+    with open(TOP / "build/mutations.csv", "w", newline="") as f:
+        w = csv.writer(f, lineterminator="\n")
+        w.writerow(["mutation", "file", "test", "verdict"])
+        w.writerows(rows)
+    print(f"{len(rows) - len(missed)} of {len(rows)} caught; build/mutations.csv")
+    shutil.rmtree(COPY, ignore_errors=True)
+    return 1 if missed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
