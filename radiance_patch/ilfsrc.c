@@ -152,6 +152,23 @@ auxhit(				/* find auxiliary geometry along ray */
 }
 
 
+static double
+auxdist(			/* distance of auxiliary geometry */
+	FVECT  org,
+	FVECT  dir,
+	OBJREC  *m
+)
+{
+	FVECT  hit;
+				/* a map that expects nothing here knows no
+				   distance, and a wrong one shows lamps
+				   where there are none */
+	if (!auxhit(hit, org, dir, m))
+		return(FHUGE);
+	return(sqrt(dist2(hit, org)));
+}
+
+
 ilf_sampler *
 ilfsampler(			/* find what is bright in light field */
 	ILFMAT  *ip
@@ -347,6 +364,8 @@ drawcands(			/* draw and weigh candidates */
 		scalecolor(cp->coef, 1./ILFOMEGA);
 		d *= 1./ILFOMEGA;
 					/* estimate what's there */
+		if (ip->mode == ILF_DEPTH && dr.far >= FHUGE)
+			dr.near = dr.far = auxdist(r->rop, cp->dir, ip->m);
 		cp->targ = d * excessat(ip, r->rop, cp->dir, dr.far);
 		if (ip->mode == ILF_DEPTH) {
 			if (dr.near < .98*dr.far) {
