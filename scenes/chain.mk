@@ -10,6 +10,8 @@
 #   NAME_TIMES    exposure times, seconds            NAME_CAMERA  options of virtualcamera
 #   NAME_LENS     --lens ... --fov ... (camera and remap alike)
 #   NAME_FALLOFF  falloff file of the lens           NAME_RESPONSE  camera's response (camera and merge alike)
+#   NAME_CORRECT  falloff as measured, for the remap (default: NAME_FALLOFF)
+#   NAME_DISCARD  not empty: exposures and merged picture of a node are removed once its probe is there
 #   NAME_LIGHT    ambient options of the renderer for what the camera sees
 #   NAME_PROBE    size of a probe, n_theta x n_phi   NAME_SINGLE  I_J, the node of the single-probe light field
 #
@@ -60,10 +62,11 @@ $($(1)_OUT)/nodes/%/times.txt: $($(1)_OUT)/room.amb $($(1)_FALLOFF) | $(call bin
 	@mv $$@.part $$@
 
 $($(1)_OUT)/nodes/%/fisheye.exr: $($(1)_OUT)/nodes/%/times.txt | $(call bins,hdrgen)
-	@$$(ILF_ENV) hdrgen --quiet --response $($(1)_RESPONSE) --times $$< -o $$@ $$(@D)/e?.png
+	@$$(ILF_ENV) hdrgen --quiet --response $($(1)_RESPONSE) --times $$< -o $$@ $$(@D)/e*.png
 
-$($(1)_OUT)/nodes/%/probe.exr: $($(1)_OUT)/nodes/%/fisheye.exr $($(1)_FALLOFF) $($(1)_OUT)/probe.settings | $(call bins,fishremap)
-	@$$(ILF_ENV) fishremap --quiet $($(1)_LENS) --size $($(1)_PROBE) --falloff $($(1)_FALLOFF) --polar-max 90 -o $$@ $$<
+$($(1)_OUT)/nodes/%/probe.exr: $($(1)_OUT)/nodes/%/fisheye.exr $(or $($(1)_CORRECT),$($(1)_FALLOFF)) $($(1)_OUT)/probe.settings | $(call bins,fishremap)
+	@$$(ILF_ENV) fishremap --quiet $($(1)_LENS) --size $($(1)_PROBE) --falloff $(or $($(1)_CORRECT),$($(1)_FALLOFF)) --polar-max 90 -o $$@ $$<
+	$(if $($(1)_DISCARD),@rm -f $$(@D)/e*.png $$(@D)/fisheye.exr $$(@D)/times.txt)
 
 $($(1)_OUT)/room.ilf.exr: $$($(1)_NODES:%=$($(1)_OUT)/nodes/%/probe.exr) | $(call bins,ilfpack)
 	@echo "  light field: $($(1)_NU) x $($(1)_NV) probes"
