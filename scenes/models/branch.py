@@ -95,7 +95,7 @@ def branch(length, leaf_length, seed):
         parts.append(tube([p, p + d * stalk], [0.0009, 0.0007], 4))
         parts.append(leaf(p + d * stalk, p + d * (stalk + size), up, size * rng.uniform(0.5, 0.62), rng.uniform(0.1, 0.4)))
 
-    stem = path(rng, (-length / 2, 0, 0), (1, 0, 0), length, 12, 0.06)
+    stem = path(rng, (-length / 2, 0, 0), (1, 0, 0), length, 16, 0.05)
     parts.append(tube(stem, np.linspace(0.006, 0.002, len(stem))))
     hand = 1
     for k in range(1, len(stem) - 1):
@@ -104,7 +104,7 @@ def branch(length, leaf_length, seed):
         reach = length * rng.uniform(0.26, 0.42) * (1.0 - 0.35 * k / len(stem))
         twig = path(rng, stem[k], a * rng.uniform(0.5, 0.9) + side, reach, 6, 0.10)
         parts.append(tube(twig, np.linspace(0.0028, 0.0012, len(twig)), 5))
-        leaves_along(twig, 0.6 * leaf_length, 0.5 * leaf_length)
+        leaves_along(twig, 0.42 * leaf_length, 0.35 * leaf_length)
         hand = -hand
     place_leaf(stem[-1], unit(stem[-1] - stem[-2]))
 
