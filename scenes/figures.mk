@@ -32,7 +32,7 @@ figures-clean:
 # 16 exposures from 1/16384 s to 2 s; at the small size every third of them, the same range
 TIMES_16   := 1/16384 1/8192 1/4096 1/2048 1/1024 1/512 1/256 1/128 1/64 1/32 1/16 1/8 1/4 1/2 1 2
 TIMES_6    := 1/16384 1/2048 1/256 1/32 1/4 2
-LIGHT_ROOM := -ab 2 -aa .15 -ad 1024 -as 256 -ar 48 -ds .05 -dj .6 -dt 0 -dc 1 -w
+LIGHT_ROOM := -ab 2 -aa .2 -ad 512 -as 128 -ar 48 -ds .1 -dj .6 -dt 0 -dc 1 -w
 STUDIO     := scenes/demo/room.rad
 FIG_PATH    = $(TOP)/scenes/$(1):$(TOP)/scenes/studio:$(TOP)/$(FIG)/$(1):$(TOP)/$(MODELS)
 
@@ -55,7 +55,7 @@ define fisheye_scene
 $(1)_NU       := $(call sized,$(2),30)
 $(1)_NV       := $(call sized,$(2),30)
 $(1)_PLANE    := -.381 -.381 0  .762 0 0  0 .762 0
-$(1)_CAMERA   := --size $(call sized,256,1024) --supersample 2 --refine $(call sized,12,8) --bits 8 --full-scale 1 --electrons 20000 --read-noise 8
+$(1)_CAMERA   := --size $(call sized,256,1024) --supersample 2 --refine 8 --bits 8 --full-scale 1 --electrons 20000 --read-noise 8
 $(1)_LENS     := --lens equidistant --fov 185
 $(1)_FALLOFF  := scenes/demo/lens_falloff.txt
 $(1)_CORRECT  := $(FIG)/falloff/measured.txt
@@ -81,15 +81,16 @@ $(FALLOFF)/measured.txt: $(FALLOFF_ANGLES:%=$(FALLOFF)/%.png) | $(call bins,fall
 	@$(ILF_ENV) falloffcal --quiet $(LENS_185) -o $@ $(foreach a,$(FALLOFF_ANGLES),$(FALLOFF)/$(a).png@$(a))
 
 # ---- figure 10: mirror spheres -------------------------------------------------------------------------
-$(eval $(call figure_scene,figure10,.04))
+$(eval $(call figure_scene,figure10,.05))
 figure10_NU       := 12
 figure10_NV       := 12
 figure10_PLANE    := -.1397 -.1397 0  .2794 0 0  0 .2794 0
 figure10_CAMERA_VIEW := -vtv -vp 0 0 3.5 -vd 0 0 -1 -vu 0 1 0 -vh 5.2 -vv 5.2 
-figure10_CORNERS  := auto
-figure10_PIXELS   := $(call sized,800,1440)
-figure10_RAYS     := 3
-figure10_LIGHT    := -ab 2 -aa .2 -ad 512 -as 128 -ar 48 -ds .1 -dj .6 -dt .05 -dc 1 -w -st 0 -lr 10 -lw 1e-3
+# as a person outlines the four corner spheres, to the pixel
+figure10_CORNERS  := "$(subst _,$(,),$(call sized,63_961_41 961_961_41 961_63_41 63_63_41,88_1352_57 1352_1352_57 1352_88_57 88_88_57))"
+figure10_PIXELS   := $(call sized,1024,1440)
+figure10_RAYS     := $(call sized,2,3)
+figure10_LIGHT    := -ab 2 -aa .2 -ad 256 -as 64 -ar 128 -ds .1 -dj .5 -dt .05 -dc 1 -w -st 0 -lr 10 -lw 1e-3
 figure10_ARRAY    := --camera-distance 3.50635 --diameter .0254 --reflectance .95,.95,.95
 figure10_PROBE    := $(call sized,128x64,192x96)
 figure10_SINGLE   := 6_6
