@@ -25,7 +25,7 @@ figures:
 	    $(FIG)/.times >> $(FIG)/figures.txt; rm -f $(FIG)/.times' EXIT; \
 	$(MAKE) --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(FIG_JOBS)) figures-run
 	@echo "The figures:"; ls -1 $(FIG)/*.png $(FIG)/*/figure.png | sed 's,^,  $(TOP)/,'; cat $(FIG)/figures.txt 2>/dev/null
-figures-run: $(foreach n,04 05 06 07,$(FIG)/figure$(n).png) $(foreach n,10 11 12,$(FIG)/figure$(n)/figure.png)
+figures-run: $(foreach n,04 05 06 07,$(FIG)/figure$(n).png) $(foreach n,10 11 12,$(FIG)/figure$(n)/figure.png $(FIG)/figure$(n)/shift.csv)
 figures-clean:
 	rm -rf $(FIG)
 
@@ -133,6 +133,9 @@ $(FIG)/$(1)/figure.png: $(FIG)/$(1)/photo.hdr $(FIG)/$(1)/with_room.hdr $(FIG)/$
 	    --picture "(b) Incident light field$(,) $(3)=$(FIG)/$(1)/with_room.hdr" \
 	    --picture "(c) Single probe$(,) $(4)=$(FIG)/$(1)/with_single.hdr" --mask $(FIG)/$(1)/mask.hdr --title "$(2)" \
 	    --extra "the light field: each rectangle a probe=$(FIG)/$(1)/room.mosaic.png" --csv $(FIG)/$(1)/errors.csv -o $$@
+$(FIG)/$(1)/shift.csv: $(FIG)/$(1)/photo.hdr $(FIG)/$(1)/with_room.hdr $(FIG)/$(1)/mask.hdr scenes/shift.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+	@$(PY) scenes/shift.py --reference $(FIG)/$(1)/photo.hdr --mask $(FIG)/$(1)/mask.hdr \
+	    --picture "Incident light field=$(FIG)/$(1)/with_room.hdr" -o $$@
 endef
 $(eval $(call compared,figure10,Figure 10: two spotlights$(,) captured with 12 × 12 mirror spheres,12 × 12 mirror spheres,the middle sphere))
 $(eval $(call compared,figure11,Figure 11: a yellow spotlight and a blue light behind a card,$(figure11_NU) × $(figure11_NV) probes,from the blue light))
