@@ -103,8 +103,8 @@ $(eval $(call light_field_pictures,figure10))
 
 # ---- figure 11: two lamps and a card -------------------------------------------------------------------
 $(eval $(call figure_scene,figure11,.02))
-$(eval $(call fisheye_scene,figure11,10))
-figure11_SINGLE   := $(call sized,1_5,3_16)
+$(eval $(call fisheye_scene,figure11,8))
+figure11_SINGLE   := $(call sized,1_4,4_16)
 figure11_ROOM     := $(STUDIO) scenes/figure11/lamps.rad
 figure11_READS    := scenes/figure11/lamp_yellow.rad scenes/figure11/lamp_blue.rad scenes/studio/profile.cal $(MODELS)/statue.rtm
 $(eval $(call light_field,figure11))

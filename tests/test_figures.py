@@ -251,8 +251,8 @@ def test_falloff_file_of_our_own_is_read(tmp_path):
 
 # ---- the whole chain, thumbnail ---------------------------------------------------------------------------------------------
 THUMBNAIL = ["figure11_NU=3", "figure11_NV=3", "figure11_TIMES=1/16384 1/512 1/16 2", "figure11_PROBE=64x32", "figure11_SINGLE=0_1",
-             "figure11_CAMERA=--size 64 --supersample 2 --refine 8 --bits 8 --full-scale 1", "figure11_CORRECT=scenes/demo/lens_falloff.txt",
-             "figure11_LIGHT=-ab 0 -ds .2 -w", "figure11_RES=-x 64 -y 48", "figure11_LIGHT_photo=-ab 0 -ds .1"]
+             "figure11_CAMERA=--size 128 --supersample 2 --refine 8 --bits 8 --full-scale 1", "figure11_CORRECT=scenes/demo/lens_falloff.txt",
+             "figure11_LIGHT=-ab 0 -av .05 .05 .05 -ds .2 -w", "figure11_RES=-x 64 -y 48", "figure11_LIGHT_photo=-ab 0 -ds .1"]
 
 
 def test_figure_11_as_a_thumbnail(tmp_path):
@@ -281,13 +281,12 @@ def test_figure_11_as_a_thumbnail(tmp_path):
     inside = oconv(tmp_path / "inside.oct", text=f"void ilf room_light\n1 {out}/room.ilf.exr\n0\n0\n" + (SCENES / "demo/room_materials.rad").read_text() + scene)
     ask = "0 0 0 0 0 1\n-.381 0 0 0 0 1\n"
     found = {}
-    for name, octree, options in (("room", out / "stage.oct", ("-ds", .02)), ("field", inside, ("-di", 256, "-ad", 1024, "-aa", 0))):
-        text = run("rtrace", "-h", "-w", "-I", "-ab", int(name == "field"), *options, octree, stdin=ask, env=scene_environment()).text
+    for name, octree, options in (("room", out / "stage.oct", ("-ds", .02, "-av", .05, .05, .05)), ("field", inside, ("-di", 256))):
+        text = run("rtrace", "-h", "-w", "-I", "-ab", 1, "-aa", 0, "-ad", 2048, *options, octree, stdin=ask, env=scene_environment()).text
         found[name] = np.array([[float(v) for v in line.split()] for line in text.splitlines() if line.strip()])
-    # at the first node both channels of the yellow light, at the second all three of the blue one; 3 % is six exposures' noise, 64 x 32
-    # directions and the sampling together
-    assert found["field"][0, :2] == pytest.approx(found["room"][0, :2], rel=0.03)
-    assert found["field"][1] == pytest.approx(found["room"][1], rel=0.06)
+    # The lamps are 6 and 14 pixels of the camera: their outlines cost 1 to 2 %, the shortest exposure's electrons 1 %, its 8 bits 1 %, the
+    # samples of the renderings 1 to 2 %.
+    assert found["field"] == pytest.approx(found["room"], rel=0.05)
     stamps = {p: p.stat().st_mtime_ns for p in out.rglob("*") if p.is_file()}
     make()
     assert stamps == {p: p.stat().st_mtime_ns for p in out.rglob("*") if p.is_file()}
