@@ -11,7 +11,7 @@
 typedef struct sphere_fit {
     int seen;        /* spheres whose own rim agrees with the grid within a pixel */
     double rms;      /* of their own rims about the grid, pixels */
-    double contrast; /* change across the rims, relative to that across circles a little aside */
+    double votes;    /* of all rays for the rims, log units: 0 is chance */
 } sphere_fit;
 
 /* q: n*m spheres, i fastest, out.  g: from the corners, in; fitted to all rims at once, out: the corners, known to about
@@ -20,10 +20,6 @@ typedef struct sphere_fit {
  * around them; -1: the rims contradict the corners.  A single row or column is left as given (1). */
 int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double slack,
                   double reach, const float *pix, int w, int h, errmsg *e);
-
-/* Corners at the right centres, with radii of half the pitch: set the radii to where, coming from the gaps, the
- * reflections begin. */
-int sphere_outer_radius(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e);
 
 /* Corner spheres of an n x m array that fills a good part of the picture; rotate as in sphere_grid_init. */
 int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e);
