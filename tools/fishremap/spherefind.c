@@ -14,6 +14,7 @@
  */
 #include "spherefind.h"
 
+#include <lapacke.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -50,7 +51,7 @@ static int is_ground(const sphere_seen near[8], int n, double x, double y, doubl
 static void sphere_votes(double *sum, int *count, const sphere_grid *g, const picture *p, int sphere, double dx, double dy, double b)
 {
     /* from the rim, half widths; a gap, so that the edge's own blur does not count as change beyond */
-    static const double from[5] = {-1, 1, 2, 4, 6};
+    static const double from[5] = {-1, 1, 1.5, 3.5, 5.5};
     int si = sphere % g->n, sj = sphere / g->n, nnear = 0;
     sphere_seen c = sphere_grid_at(NULL, g, si, sj), near[8];
     for (int j = sj - 1; j <= sj + 1; j++)
@@ -144,6 +145,29 @@ static void own_shift(double *dx, double *dy, const sphere_grid *g, const pictur
     }
 }
 
+/* Move the corners by what the spheres' own shifts say in common: between the corners a shift is bilinear, which to first order is
+ * what a homography does; wild shifts lose their weight (Tukey). */
+static void straighten(sphere_seen c[4], const sphere_grid *g, const double (*shift)[2])
+{
+    double x[4][2] = {{0}};
+    for (int it = 0; it < 10; it++) {
+        double a[16] = {0}, b[4][2] = {{0}};
+        for (int k = 0; k < g->n * g->m; k++) {
+            double s = (double)(k % g->n) / (g->n - 1), t = (double)(k / g->n) / (g->m - 1);
+            double w[4] = {(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t}, r[2];
+            for (int d = 0; d < 2; d++) r[d] = shift[k][d] - (w[0] * x[0][d] + w[1] * x[1][d] + w[2] * x[2][d] + w[3] * x[3][d]);
+            double q = hypot(r[0], r[1]) / 1.5, weight = q < 1 ? (1 - q * q) * (1 - q * q) : 0;
+            for (int i = 0; i < 4; i++) {
+                for (int j = 0; j < 4; j++) a[4 * i + j] += weight * w[i] * w[j];
+                for (int d = 0; d < 2; d++) b[i][d] += weight * w[i] * shift[k][d];
+            }
+        }
+        if (LAPACKE_dposv(LAPACK_ROW_MAJOR, 'L', 4, 2, a, 4, &b[0][0], 2)) return;
+        memcpy(x, b, sizeof x);
+    }
+    for (int k = 0; k < 4; k++) c[k].x += x[k][0], c[k].y += x[k][1];
+}
+
 int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double slack,
                   double reach, const float *pix, int w, int h, errmsg *e)
 {
@@ -156,6 +180,19 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_
     double mean = (c[0].r + c[1].r + c[2].r + c[3].r) / 4;
     if (through_corners(g, c, rotate)) goto done; /* a row or a column: left as it is */
     climb(g, c, corner, reach, &p, slack, rotate);
+    double (*shift)[2] = malloc(sizeof *shift * (size_t)total);
+    for (int it = 0; it < 3 && shift; it++) { /* out of the local crests that a climb ends on */
+        sphere_seen t[4];
+        sphere_grid try = *g;
+        memcpy(t, c, sizeof t);
+        for (int k = 0; k < total; k++) own_shift(&shift[k][0], &shift[k][1], g, &p, k);
+        straighten(t, g, shift);
+        if (through_corners(&try, t, rotate)) break;
+        climb(&try, t, corner, reach, &p, 0.25, rotate);
+        if (all_votes(&try, &p, 0.5) <= all_votes(g, &p, 0.5)) break;
+        *g = try, memcpy(c, t, sizeof t);
+    }
+    free(shift);
     fit->votes = all_votes(g, &p, 0.5);
     for (int k = 0; k < 4; k++) /* a corner may be off by a good part of a radius, not by a sphere */
         if (hypot(c[k].x - corner[k].x, c[k].y - corner[k].y) > 0.6 * mean) {
