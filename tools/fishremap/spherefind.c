@@ -19,14 +19,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct picture {
-    float *grey; /* log units */
-    int w, h;
-} picture;
-
 #define RAYS 64
 #define QUIET 0.02 /* log units: changes below are noise */
 #define MOST 2.0   /* the strongest vote */
+
+typedef struct picture {
+    float *grey; /* log units */
+    int w, h;
+    double co[RAYS], si[RAYS]; /* the rays' directions */
+} picture;
 
 static double at(const picture *p, double x, double y)
 {
@@ -46,35 +47,41 @@ static int is_ground(const sphere_seen near[8], int n, double x, double y, doubl
     return 1;
 }
 
-/* Sum and number of the votes of one sphere's rays, the sphere moved by (dx, dy); b: half the width, in pixels, over
+/* The mean vote of one sphere's rays, the sphere moved by (dx, dy), and its weight, their number; b: half the width, in pixels, over
  * which a change is seen. */
-static void sphere_votes(double *sum, int *count, const sphere_grid *g, const picture *p, int sphere, double dx, double dy, double b)
+static double sphere_votes(int *weight, const sphere_grid *g, const picture *p, int sphere, double dx, double dy, double b)
 {
     /* from the rim, half widths; a gap, so that the edge's own blur does not count as change beyond */
     static const double from[5] = {-1, 1, 1.5, 3.5, 5.5};
-    int si = sphere % g->n, sj = sphere / g->n, nnear = 0;
-    sphere_seen c = sphere_grid_at(NULL, g, si, sj), near[8];
-    for (int j = sj - 1; j <= sj + 1; j++)
-        for (int i = si - 1; i <= si + 1; i++)
-            if ((i != si || j != sj) && i >= 0 && j >= 0 && i < g->n && j < g->m) near[nnear++] = sphere_grid_at(NULL, g, i, j);
+    int i0 = sphere % g->n, j0 = sphere / g->n, nnear = 0, count = 0;
+    sphere_seen c = sphere_grid_at(NULL, g, i0, j0), near[8];
+    double sum = 0;
+    for (int j = j0 - 1; j <= j0 + 1; j++)
+        for (int i = i0 - 1; i <= i0 + 1; i++)
+            if ((i != i0 || j != j0) && i >= 0 && j >= 0 && i < g->n && j < g->m) near[nnear++] = sphere_grid_at(NULL, g, i, j);
     c.x += dx, c.y += dy;
     for (int k = 0; k < RAYS; k++) {
-        double co = cos(2 * M_PI * k / RAYS), si_ = sin(2 * M_PI * k / RAYS), v[5];
-        if (!is_ground(near, nnear, c.x + (c.r + 6 * b) * co, c.y + (c.r + 6 * b) * si_, b)) continue;
-        for (int i = 0; i < 5; i++) v[i] = at(p, c.x + (c.r + from[i] * b) * co, c.y + (c.r + from[i] * b) * si_);
+        double v[5], far = c.r + 6 * b;
+        if (!is_ground(near, nnear, c.x + far * p->co[k], c.y + far * p->si[k], b)) continue;
+        for (int i = 0; i < 5; i++) v[i] = at(p, c.x + (c.r + from[i] * b) * p->co[k], c.y + (c.r + from[i] * b) * p->si[k]);
         double in = fabs(v[1] - v[0]), out = 0.5 * (fabs(v[3] - v[2]) + fabs(v[4] - v[3]));
         if (isnan(in) || isnan(out)) continue;
-        *sum += fmax(-MOST, fmin(MOST, log((in + QUIET) / (out + QUIET))));
-        ++*count;
+        sum += fmax(-MOST, fmin(MOST, log((in + QUIET) / (out + QUIET))));
+        count++;
     }
+    *weight = count;
+    return count ? sum / count : -MOST;
 }
 
 static double all_votes(const sphere_grid *g, const picture *p, double b)
 {
-    double sum = 0;
-    int count = 0, total = g->n * g->m;
-    for (int k = 0; k < total; k++) sphere_votes(&sum, &count, g, p, k, 0, 0, b);
-    return count ? sum / count : -MOST;
+    double sum = 0, count = 0;
+    for (int k = 0; k < g->n * g->m; k++) {
+        int weight;
+        double v = sphere_votes(&weight, g, p, k, 0, 0, b);
+        sum += weight * v, count += weight;
+    }
+    return count > 0 ? sum / count : -MOST;
 }
 
 /* A grid through four corner positions, radii in proportion to the local scale with the mean kept. */
@@ -135,11 +142,10 @@ static void own_shift(double *dx, double *dy, const sphere_grid *g, const pictur
             double x0 = *dx, y0 = *dy;
             moved = 0;
             for (int d = 0; d < 5; d++) {
-                double x = x0 + (d == 1 ? step : d == 2 ? -step : 0), y = y0 + (d == 3 ? step : d == 4 ? -step : 0), sum = 0;
-                int count = 0;
-                if (hypot(x, y) > 2) continue;
-                sphere_votes(&sum, &count, g, p, sphere, x, y, fmax(step, 0.5));
-                if (count && sum / count > best) best = sum / count, *dx = x, *dy = y, moved = d > 0;
+                double x = x0 + (d == 1 ? step : d == 2 ? -step : 0), y = y0 + (d == 3 ? step : d == 4 ? -step : 0);
+                int weight;
+                double v = hypot(x, y) < 2 ? sphere_votes(&weight, g, p, sphere, x, y, fmax(step, 0.5)) : -INFINITY;
+                if (v > best) best = v, *dx = x, *dy = y, moved = d > 0;
             }
         }
     }
@@ -168,32 +174,50 @@ static void straighten(sphere_seen c[4], const sphere_grid *g, const double (*sh
     for (int k = 0; k < 4; k++) c[k].x += x[k][0], c[k].y += x[k][1];
 }
 
-int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double slack,
-                  double reach, const float *pix, int w, int h, errmsg *e)
+/* From where the corners are said to be to where the votes are highest, by all that there is. */
+static double settle(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], double slack, double reach, const picture *p, double rotate)
 {
-    int total = g->n * g->m, rc = -1;
-    picture p = {circle_grey(pix, w, h), w, h};
-    sphere_seen c[4];
-    memset(fit, 0, sizeof *fit);
-    if (!p.grey) return err_set(e, "out of memory");
-    memcpy(c, corner, sizeof c);
-    double mean = (c[0].r + c[1].r + c[2].r + c[3].r) / 4;
-    if (through_corners(g, c, rotate)) goto done; /* a row or a column: left as it is */
-    climb(g, c, corner, reach, &p, slack, rotate);
-    double (*shift)[2] = malloc(sizeof *shift * (size_t)total);
+    climb(g, c, given, reach, p, slack, rotate);
+    double best = all_votes(g, p, 0.5);
+    double (*shift)[2] = malloc(sizeof *shift * (size_t)g->n * (size_t)g->m);
     for (int it = 0; it < 3 && shift; it++) { /* out of the local crests that a climb ends on */
         sphere_seen t[4];
         sphere_grid try = *g;
         memcpy(t, c, sizeof t);
-        for (int k = 0; k < total; k++) own_shift(&shift[k][0], &shift[k][1], g, &p, k);
+        for (int k = 0; k < g->n * g->m; k++) own_shift(&shift[k][0], &shift[k][1], g, p, k);
         straighten(t, g, shift);
         if (through_corners(&try, t, rotate)) break;
-        climb(&try, t, corner, reach, &p, 0.25, rotate);
-        if (all_votes(&try, &p, 0.5) <= all_votes(g, &p, 0.5)) break;
-        *g = try, memcpy(c, t, sizeof t);
+        climb(&try, t, given, reach, p, 0.25, rotate);
+        double votes = all_votes(&try, p, 0.5);
+        if (votes <= best) break;
+        best = votes, *g = try, memcpy(c, t, sizeof t);
     }
     free(shift);
-    fit->votes = all_votes(g, &p, 0.5);
+    return best;
+}
+
+int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double slack,
+                  double reach, const float *pix, int w, int h, errmsg *e)
+{
+    static const double radii[] = {1, 1.05, 0.95, 1.1}; /* a climb finds the rim from a little aside, not from inside of the reflections */
+    int total = g->n * g->m, rc = -1;
+    picture p = {.grey = circle_grey(pix, w, h), .w = w, .h = h};
+    sphere_seen c[4];
+    memset(fit, 0, sizeof *fit);
+    if (!p.grey) return err_set(e, "out of memory");
+    for (int k = 0; k < RAYS; k++) p.co[k] = cos(2 * M_PI * k / RAYS), p.si[k] = sin(2 * M_PI * k / RAYS);
+    memcpy(c, corner, sizeof c);
+    double mean = (c[0].r + c[1].r + c[2].r + c[3].r) / 4;
+    if (through_corners(g, c, rotate)) goto done; /* a row or a column: left as it is */
+    fit->votes = -MOST;
+    for (int k = 0; k < 4; k++) {
+        sphere_seen t[4];
+        sphere_grid try = *g;
+        for (int i = 0; i < 4; i++) t[i] = corner[i], t[i].r *= radii[k];
+        if (fabs(radii[k] - 1) * mean > reach || through_corners(&try, t, rotate)) continue;
+        double votes = settle(&try, t, corner, slack, reach, &p, rotate);
+        if (votes > fit->votes) fit->votes = votes, *g = try, memcpy(c, t, sizeof t);
+    }
     for (int k = 0; k < 4; k++) /* a corner may be off by a good part of a radius, not by a sphere */
         if (hypot(c[k].x - corner[k].x, c[k].y - corner[k].y) > 0.6 * mean) {
             err_set(e, "corner %d: expected the sphere near %.1f,%.1f, found it at %.1f,%.1f by all the others; check the corners", k + 1, corner[k].x, corner[k].y, c[k].x, c[k].y);
