@@ -192,8 +192,8 @@ static int locate(sphere_seen *q, sphere_grid *g, outcome *o, const settings *s,
     for (int k = 0; k < total; k++) q[k] = sphere_grid_at(NULL, g, k % s->nu, k / s->nu);
     if (total == 1) return 0; /* one sphere is where it is said, or was found, to be */
     /* found ones are off by a cell of the search and by what perspective bends the lattice; given ones by the hand's 3 pixels */
-    double slack = fmax(s->corners_auto ? 1 : 3, (s->corners_auto ? 0.1 : 0.04) * corner[0].r), reach = (s->corners_auto ? 3 : 1.6) * slack;
-    int rc = s->nu > 1 && s->nv > 1 ? sphere_refine(q, &fit, g, corner, rotate, slack, reach, im->pix, w, h, e) : 1;
+    double reach = s->corners_auto ? fmax(0.15 * corner[0].r, 3) : fmax(0.06 * corner[0].r, 5);
+    int rc = s->nu > 1 && s->nv > 1 ? sphere_refine(q, &fit, g, corner, rotate, reach, im->pix, w, h, e) : 1;
     if (rc < 0) return -1;
     if (rc > 0) snprintf(o->remark, sizeof o->remark, "no rims to be seen near the corners: the spheres are where the corners put them");
     else snprintf(o->remark, sizeof o->remark, "rims of %d of %d spheres within a pixel of the grid, %.2f pixels rms", fit.seen, total, fit.rms);

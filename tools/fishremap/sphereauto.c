@@ -8,7 +8,6 @@
  * is seen from how alike neighbouring nodes are: the n x m window that holds most likeness is the array.
  */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -260,7 +259,6 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
     for (int pass = 0; pass < 3; pass++) { /* all that is in the picture; then the array's own cells */
         int node[2] = {0, 0};
         best = find_ring(&radius, &l, &a);
-        if (getenv("DBG")) fprintf(stderr, "pass %d best %.3f o %.2f %.2f r %.2f pitch %.2f\n", pass, best, l.o[0]*a.k, l.o[1]*a.k, radius*a.k, pitch*a.k);
         if (!(best > 0.2) || !(best_window(node, &a, l.o, u, v, radius, n, m) > 0)) {
             best = 0;
             break;

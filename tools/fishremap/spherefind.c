@@ -20,6 +20,7 @@
 #include <string.h>
 
 #define RAYS 64
+#define CLOSEST 0.985 /* diameters between neighbours: they cannot be one in the other, but a radius may be a little wrong */
 #define QUIET 0.02 /* log units: changes below are noise */
 #define MOST 2.0   /* the strongest vote */
 
@@ -47,9 +48,9 @@ static int is_ground(const sphere_seen near[8], int n, double x, double y, doubl
     return 1;
 }
 
-/* The mean vote of one sphere's rays, the sphere moved by (dx, dy), and its weight, their number; b: half the width, in pixels, over
+/* Mean vote of one sphere's rays to the ground, the sphere moved by (dx, dy), and their number.  b: half the width, in pixels, over
  * which a change is seen. */
-static double sphere_votes(int *weight, const sphere_grid *g, const picture *p, int sphere, double dx, double dy, double b)
+static double sphere_votes(int *rays, const sphere_grid *g, const picture *p, int sphere, double dx, double dy, double b)
 {
     /* from the rim, half widths; a gap, so that the edge's own blur does not count as change beyond */
     static const double from[5] = {-1, 1, 1.5, 3.5, 5.5};
@@ -69,24 +70,27 @@ static double sphere_votes(int *weight, const sphere_grid *g, const picture *p, 
         sum += fmax(-MOST, fmin(MOST, log((in + QUIET) / (out + QUIET))));
         count++;
     }
-    *weight = count;
-    return count ? sum / count : -MOST;
+    *rays = count;
+    return count ? sum / count : 0;
 }
 
-static double all_votes(const sphere_grid *g, const picture *p, double b)
+/* The votes for a grid, times the radius: every pixel of a rim has one, so that of two circles that are seen equally well the larger wins;
+ * what it has inside are reflections.  Not all spheres need be asked. */
+static double all_votes(const sphere_grid *g, const picture *p, double b, int every)
 {
     double sum = 0, count = 0;
-    for (int k = 0; k < g->n * g->m; k++) {
-        int weight;
-        double v = sphere_votes(&weight, g, p, k, 0, 0, b);
-        sum += weight * v, count += weight;
+    for (int k = 0; k < g->n * g->m; k += every) {
+        int rays;
+        double v = sphere_votes(&rays, g, p, k, 0, 0, b) * sphere_grid_at(NULL, g, k % g->n, k / g->n).r;
+        sum += rays * v, count += rays;
     }
-    return count > 0 ? sum / count : -MOST;
+    return count > 0 ? sum / count : 0;
 }
 
 /* A grid through four corner positions, radii in proportion to the local scale with the mean kept. */
 static int through_corners(sphere_grid *g, const sphere_seen c[4], double rotate)
 {
+
     sphere_seen q[4];
     double mean = 0, scale[4], sum = 0;
     for (int k = 0; k < 4; k++) mean += c[k].r / 4;
@@ -100,52 +104,80 @@ static int through_corners(sphere_grid *g, const sphere_seen c[4], double rotate
         sum += scale[k] / 4;
     }
     for (int k = 0; k < 4; k++) t.r[k] = mean * scale[k] / sum;
+    double room = sphere_grid_pitch(&t) / CLOSEST;
+    for (int k = 0; k < 4 && room < 1; k++) t.r[k] *= room;
     *g = t;
     return 0;
 }
 
-/* Move the four corners one at a time and all together, and the radius, to where the votes are highest; from coarse to
- * fine; no corner further than reach from where it was given. */
+static void shift_all(sphere_seen out[4], const sphere_seen c[4], double dx, double dy, double dr)
+{
+    for (int k = 0; k < 4; k++) out[k] = (sphere_seen){c[k].x + dx, c[k].y + dy, c[k].r + dr};
+}
+
+/* All corners together, within reach: place and radius, in steps of a pixel or less. */
+static void place(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], double reach, const picture *p, double rotate)
+{
+    double step = fmax(0.5, fmin(g->r[0] / 30, 1)), best = 0;
+    int q = (int)(reach / step), every = g->n * g->m / 40 + 1;
+    while (every > 1 && g->n % every == 0) every++; /* not the same column in every row */
+    for (int r = -q; r <= q; r++)
+        for (int y = -q; y <= q; y++)
+            for (int x = -q; x <= q; x++) {
+                sphere_seen t[4];
+                sphere_grid try = *g;
+                shift_all(t, given, step * x, step * y, step * r);
+                if (step * hypot(x, y) > reach || through_corners(&try, t, rotate)) continue;
+                double v = all_votes(&try, p, fmax(0.75 * step, 0.5), every);
+                if (v > best) best = v, *g = try, memcpy(c, t, sizeof t);
+            }
+}
+
+/* Move the four corners one at a time and all together, and the radius, to where the votes are highest; no corner further than
+ * reach from where it was given. */
 static void climb(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], double reach, const picture *p, double coarse,
                   double rotate)
 {
     for (double step = coarse; step > 0.04; step /= 2) {
-        double b = fmax(step, 0.5), best = all_votes(g, p, b);
+        double b = fmax(0.75 * step, 0.5), best = all_votes(g, p, b, 1);
         for (int round = 0, moved = 1; moved && round < 8; round++) {
             moved = 0;
             for (int k = 0; k < 22; k++) { /* 0..15: one corner; 16..19: all; 20, 21: the radius */
                 sphere_seen t[4];
                 sphere_grid try = *g;
+                double d = k & 2 ? step : -step;
                 int far = 0;
-                memcpy(t, c, sizeof t);
-                for (int i = 0; i < 4; i++) {
-                    if (k < 16 && k / 4 != i) continue;
-                    if (k >= 20) t[i].r += k == 20 ? step : -step;
-                    else *(k & 1 ? &t[i].x : &t[i].y) += k & 2 ? step : -step;
-                    far |= hypot(t[i].x - given[i].x, t[i].y - given[i].y) > reach || fabs(t[i].r - given[i].r) > reach;
-                }
+                shift_all(t, c, k >= 16 && k < 20 && k & 1 ? d : 0, k >= 16 && k < 20 && !(k & 1) ? d : 0, k == 20 ? step : k == 21 ? -step : 0);
+                if (k < 16) *(k & 1 ? &t[k / 4].x : &t[k / 4].y) += d;
+                for (int i = 0; i < 4; i++) far |= hypot(t[i].x - given[i].x, t[i].y - given[i].y) > reach + 1 || fabs(t[i].r - given[i].r) > reach + 1;
                 if (far || through_corners(&try, t, rotate)) continue;
-                double q = all_votes(&try, p, b);
+                double q = all_votes(&try, p, b, 1);
                 if (q > best) best = q, *g = try, memcpy(c, t, sizeof t), moved = 1;
             }
         }
     }
 }
 
-/* One sphere's own shift from the grid, to a twentieth of a pixel, within 2 pixels. */
-static void own_shift(double *dx, double *dy, const sphere_grid *g, const picture *p, int sphere)
+/* One sphere's own shift from the grid, to a twentieth of a pixel: the best of a raster within reach, then uphill. */
+static void own_shift(double shift[2], const sphere_grid *g, const picture *p, int sphere, double reach)
 {
-    *dx = *dy = 0;
-    for (double step = 1; step > 0.04; step /= 2) {
-        double best = -INFINITY;
+    double best = -INFINITY;
+    int q = (int)reach, rays;
+    shift[0] = shift[1] = 0;
+    for (int y = -q; y <= q; y++)
+        for (int x = -q; x <= q; x++) {
+            double v = hypot(x, y) > reach ? -INFINITY : sphere_votes(&rays, g, p, sphere, x, y, 0.75);
+            if (v > best) best = v, shift[0] = x, shift[1] = y;
+        }
+    for (double step = 0.5; step > 0.04; step /= 2) {
+        best = -INFINITY;
         for (int k = 0, moved = 1; moved && k < 6; k++) {
-            double x0 = *dx, y0 = *dy;
+            double x0 = shift[0], y0 = shift[1];
             moved = 0;
             for (int d = 0; d < 5; d++) {
                 double x = x0 + (d == 1 ? step : d == 2 ? -step : 0), y = y0 + (d == 3 ? step : d == 4 ? -step : 0);
-                int weight;
-                double v = hypot(x, y) < 2 ? sphere_votes(&weight, g, p, sphere, x, y, fmax(step, 0.5)) : -INFINITY;
-                if (v > best) best = v, *dx = x, *dy = y, moved = d > 0;
+                double v = sphere_votes(&rays, g, p, sphere, x, y, 0.5);
+                if (v > best) best = v, shift[0] = x, shift[1] = y, moved = d > 0;
             }
         }
     }
@@ -153,7 +185,7 @@ static void own_shift(double *dx, double *dy, const sphere_grid *g, const pictur
 
 /* Move the corners by what the spheres' own shifts say in common: between the corners a shift is bilinear, which to first order is
  * what a homography does; wild shifts lose their weight (Tukey). */
-static void straighten(sphere_seen c[4], const sphere_grid *g, const double (*shift)[2])
+static void straighten(sphere_seen c[4], const sphere_grid *g, double (*shift)[2], double wild)
 {
     double x[4][2] = {{0}};
     for (int it = 0; it < 10; it++) {
@@ -162,7 +194,7 @@ static void straighten(sphere_seen c[4], const sphere_grid *g, const double (*sh
             double s = (double)(k % g->n) / (g->n - 1), t = (double)(k / g->n) / (g->m - 1);
             double w[4] = {(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t}, r[2];
             for (int d = 0; d < 2; d++) r[d] = shift[k][d] - (w[0] * x[0][d] + w[1] * x[1][d] + w[2] * x[2][d] + w[3] * x[3][d]);
-            double q = hypot(r[0], r[1]) / 1.5, weight = q < 1 ? (1 - q * q) * (1 - q * q) : 0;
+            double q = hypot(r[0], r[1]) / wild, weight = q < 1 ? (1 - q * q) * (1 - q * q) : 0;
             for (int i = 0; i < 4; i++) {
                 for (int j = 0; j < 4; j++) a[4 * i + j] += weight * w[i] * w[j];
                 for (int d = 0; d < 2; d++) b[i][d] += weight * w[i] * shift[k][d];
@@ -174,49 +206,34 @@ static void straighten(sphere_seen c[4], const sphere_grid *g, const double (*sh
     for (int k = 0; k < 4; k++) c[k].x += x[k][0], c[k].y += x[k][1];
 }
 
-/* From where the corners are said to be to where the votes are highest, by all that there is. */
-static double settle(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], double slack, double reach, const picture *p, double rotate)
+int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double reach,
+                  const float *pix, int w, int h, errmsg *e)
 {
-    climb(g, c, given, reach, p, slack, rotate);
-    double best = all_votes(g, p, 0.5);
-    double (*shift)[2] = malloc(sizeof *shift * (size_t)g->n * (size_t)g->m);
-    for (int it = 0; it < 3 && shift; it++) { /* out of the local crests that a climb ends on */
-        sphere_seen t[4];
-        sphere_grid try = *g;
-        memcpy(t, c, sizeof t);
-        for (int k = 0; k < g->n * g->m; k++) own_shift(&shift[k][0], &shift[k][1], g, p, k);
-        straighten(t, g, shift);
-        if (through_corners(&try, t, rotate)) break;
-        climb(&try, t, given, reach, p, 0.25, rotate);
-        double votes = all_votes(&try, p, 0.5);
-        if (votes <= best) break;
-        best = votes, *g = try, memcpy(c, t, sizeof t);
-    }
-    free(shift);
-    return best;
-}
-
-int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double slack,
-                  double reach, const float *pix, int w, int h, errmsg *e)
-{
-    static const double radii[] = {1, 1.05, 0.95, 1.1}; /* a climb finds the rim from a little aside, not from inside of the reflections */
     int total = g->n * g->m, rc = -1;
     picture p = {.grey = circle_grey(pix, w, h), .w = w, .h = h};
+    double(*shift)[2] = malloc(sizeof *shift * (size_t)total);
     sphere_seen c[4];
     memset(fit, 0, sizeof *fit);
-    if (!p.grey) return err_set(e, "out of memory");
+    if (!p.grey || !shift) {
+        err_set(e, "out of memory");
+        goto done;
+    }
     for (int k = 0; k < RAYS; k++) p.co[k] = cos(2 * M_PI * k / RAYS), p.si[k] = sin(2 * M_PI * k / RAYS);
     memcpy(c, corner, sizeof c);
     double mean = (c[0].r + c[1].r + c[2].r + c[3].r) / 4;
     if (through_corners(g, c, rotate)) goto done; /* a row or a column: left as it is */
-    fit->votes = -MOST;
-    for (int k = 0; k < 4; k++) {
+    place(g, c, corner, reach, &p, rotate);
+    for (int it = 0; it < 4; it++) { /* what the spheres say, and what fits all; the first time far around */
         sphere_seen t[4];
         sphere_grid try = *g;
-        for (int i = 0; i < 4; i++) t[i] = corner[i], t[i].r *= radii[k];
-        if (fabs(radii[k] - 1) * mean > reach || through_corners(&try, t, rotate)) continue;
-        double votes = settle(&try, t, corner, slack, reach, &p, rotate);
-        if (votes > fit->votes) fit->votes = votes, *g = try, memcpy(c, t, sizeof t);
+        memcpy(t, c, sizeof t);
+        for (int k = 0; k < total; k++) own_shift(shift[k], g, &p, k, it ? 2 : reach);
+        straighten(t, g, shift, it ? 1.5 : reach);
+        if (through_corners(&try, t, rotate)) break;
+        climb(&try, t, corner, reach, &p, it ? 0.25 : 1, rotate);
+        double votes = all_votes(&try, &p, 0.5, 1) / mean;
+        if (it && votes <= fit->votes) break;
+        fit->votes = votes, *g = try, memcpy(c, t, sizeof t);
     }
     for (int k = 0; k < 4; k++) /* a corner may be off by a good part of a radius, not by a sphere */
         if (hypot(c[k].x - corner[k].x, c[k].y - corner[k].y) > 0.6 * mean) {
@@ -229,16 +246,16 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_
     }
     double sq = 0;
     for (int k = 0; k < total; k++) {
-        double dx, dy;
         q[k] = sphere_grid_at(NULL, g, k % g->n, k / g->n);
-        own_shift(&dx, &dy, g, &p, k);
-        double off = hypot(dx, dy);
+        own_shift(shift[k], g, &p, k, 2);
+        double off = hypot(shift[k][0], shift[k][1]);
         sq += off * off;
         fit->seen += off < 1;
     }
     fit->rms = sqrt(sq / total);
     rc = 0;
 done:
+    free(shift);
     free(p.grey);
     return rc;
 }

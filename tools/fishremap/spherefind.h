@@ -18,8 +18,8 @@ typedef struct sphere_fit {
  * `slack` pixels, move (by up to `reach` pixels) to where the picture changes most across all circles, and the common radius becomes that
  * where the reflections end.  1 (q not set): the rims do not stand out from what is
  * around them; -1: the rims contradict the corners.  A single row or column is left as given (1). */
-int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double slack,
-                  double reach, const float *pix, int w, int h, errmsg *e);
+int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double reach,
+                  const float *pix, int w, int h, errmsg *e);
 
 /* Corner spheres of an n x m array that fills a good part of the picture; rotate as in sphere_grid_init. */
 int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e);
