@@ -87,8 +87,9 @@ static double all_votes(const sphere_grid *g, const picture *p, double b, int ev
     return count > 0 ? sum / count : 0;
 }
 
-/* A grid through four corner positions, radii in proportion to the local scale with the mean kept. */
-static int through_corners(sphere_grid *g, const sphere_seen c[4], double rotate)
+/* A grid through four corner positions, radii in proportion to the local scale with the mean kept;
+ * radii for which there is no room between the corners become smaller. */
+static int through_corners(sphere_grid *g, sphere_seen c[4], double rotate)
 {
 
     sphere_seen q[4];
@@ -105,7 +106,7 @@ static int through_corners(sphere_grid *g, const sphere_seen c[4], double rotate
     }
     for (int k = 0; k < 4; k++) t.r[k] = mean * scale[k] / sum;
     double room = sphere_grid_pitch(&t) / CLOSEST;
-    for (int k = 0; k < 4 && room < 1; k++) t.r[k] *= room;
+    for (int k = 0; k < 4 && room < 1; k++) t.r[k] *= room, c[k].r *= room;
     *g = t;
     return 0;
 }
