@@ -1,11 +1,18 @@
 /*
  * sphereauto.c - finding a mirror-sphere array without a hint (spherefind.h).
  *
- * Neighbouring spheres show almost the same reflections, so the picture repeats itself: the steps
- * of the grid are the shifts, along the picture's right and up, at which its gradient correlates best with
- * itself.  The centre lies where the repeated pieces are most alike, the radius is where the reflections
- * end on the way in from the gaps.  Which nodes are spheres
- * is seen from how alike neighbouring nodes are: the n x m window that holds most likeness is the array.
+ * The picture repeats itself, sphere by sphere: the steps of the lattice are the shifts, along the picture's right and up, at which
+ * its gradient correlates best with itself.  What is unlike among neighbouring cells tells where in its cell a sphere
+ * stands.  The middle of a sphere shows the distant room, as its neighbour's does; the ground between them, sharp shadows
+ * included, repeats exactly; only the ring around the middle, where spheres mirror each other's mirror images, differs:
+ *
+ *          . ground and shadows: alike .
+ *              ,-~~~~~~~-.
+ *            /  .-------.  \   <- the ring between INNER r and r: unlike
+ *           |  |  room:  |  |
+ *           |  |  alike  |  |
+ *
+ * Which nodes are spheres is seen from how alike their middles are: the n x m window that holds most likeness is the array.
  */
 #include <math.h>
 #include <stdlib.h>

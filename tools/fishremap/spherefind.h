@@ -14,10 +14,9 @@ typedef struct sphere_fit {
     double votes;    /* of all rays for the rims, log units: 0 is chance */
 } sphere_fit;
 
-/* q: n*m spheres, i fastest, out.  g: from the corners, in; fitted to all rims at once, out: the corners, known to about
- * `slack` pixels, move (by up to `reach` pixels) to where the picture changes most across all circles, and the common radius becomes that
- * where the reflections end.  1 (q not set): the rims do not stand out from what is
- * around them; -1: the rims contradict the corners.  A single row or column is left as given (1). */
+/* q: n*m spheres, i fastest, out.  g: from the corners, in; out: fitted to all rims at once, no corner and no radius further than
+ * about `reach` pixels from where it was given.  1 (q not set): the rims do not stand out from what is around them; -1: no
+ * grid fits the corners, or there is no memory.  Grids with a single row or column are for the caller to leave as given. */
 int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double reach,
                   const float *pix, int w, int h, errmsg *e);
 
