@@ -192,6 +192,7 @@ static int locate(sphere_seen *q, sphere_grid *g, outcome *o, const settings *s,
     for (int k = 0; k < total; k++) q[k] = sphere_grid_at(NULL, g, k % s->nu, k / s->nu);
     if (total == 1) return 0; /* one sphere is where it is said, or was found, to be */
     /* found ones are off by a cell of the search and by what perspective bends the lattice; given ones by the hand's 3 pixels */
+    /* found corners are off by a cell of the search and by what perspective bends the lattice; given ones by a hand's 3 pixels in x and y */
     double reach = s->corners_auto ? fmax(0.15 * corner[0].r, 3) : fmax(0.06 * corner[0].r, 5);
     int rc = s->nu > 1 && s->nv > 1 ? sphere_refine(q, &fit, g, corner, rotate, reach, im->pix, w, h, e) : 1;
     if (rc < 0) return -1;
