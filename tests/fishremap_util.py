@@ -33,7 +33,9 @@ def lobes(count=30, seed=5, sharpest=3):
     def scene(d):
         out = np.full(d.shape[:-1] + (3,), .05)
         for a, k, c in made:
-            out += np.exp(k * (d @ a - 1))[..., None] * c
+            e = k * (d @ a - 1)
+            near = e > -25   # 1e-11
+            out[near] += np.exp(e[near])[..., None] * c
         return out
     return scene
 

@@ -423,6 +423,7 @@ def test_office_circle(tmp_path):
     ("mirrorball_bracket_desk_sony", "desk_3.png", (405, 403), 404, 6),
     ("mirrorball_bracket_desk_sony", "desk_2.png", (405, 403), 404, 6),
     ("mirrorball_bracket_uiuc_lab", "ball_1_60.png", (132, 132), 131, 1.5),
+    ("mirrorball_bracket_uiuc_lab", "ball_1_24.png", (132, 132), 131, 1.5),
 ])
 def test_real_mirror_balls(tmp_path, folder, name, centre, radius, slack):
     picture = shared_data(folder) / name

@@ -1,8 +1,10 @@
 """Mirror-sphere arrays: analytic photographs, hand-given and found corners, refusals, and rpict's virtual photograph."""
+import functools
 import json
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import fishremap_util as U
 from conftest import BIN, FETCHED, one_line_error, run
@@ -60,12 +62,12 @@ def field(tmp_path, image, n, m, *args, size="48x32", code=0):
 SCENE = U.lobes(14, 11, 1.5)   # nothing that a sphere of 40 pixels could not show
 
 
-def check_probes(pixels, n, m, w=48, h=32, tolerance=0.01, of=max):
-    """The probes' errors; `of` them: the worst, or the median where the spheres had to be found."""
+def check_probes(pixels, n, m, w=48, h=32, tolerance=0.01):
+    """Relative RMSE of every probe."""
     exact = U.probe(SCENE, w, h, 90, 6)
     rows = U.probe_angles(w, h, 90)[1] < 68   # beyond, a pixel of a small sphere already sees neighbours
     errors = [U.rel_rmse(pixels[j * h:(j + 1) * h, i * w:(i + 1) * w], exact, rows) for j in range(m) for i in range(n)]
-    assert of(errors) < tolerance, np.round(errors, 3)
+    assert max(errors) < tolerance, np.round(errors, 3)
 
 
 def test_array_to_light_field(tmp_path):
@@ -94,8 +96,7 @@ def test_each_sphere_at_its_place(tmp_path):
         assert part[5:20].mean((0, 1)) == pytest.approx((2 * (k + 1), 4 * (k + 1), k + 1), rel=0.02)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize("turn", [0, 4])
+@pytest.mark.parametrize("seed, turn", [(1, 0), (2, 4)])
 def test_corners_by_hand_three_pixels_off(tmp_path, seed, turn):
     n, m, rng = 6, 5, np.random.default_rng(seed)
     image, centres = photograph(SCENE, n, m, turn=turn)
@@ -113,7 +114,7 @@ def test_corners_found(tmp_path, n, m, turn, pitch, rotate):
     q = np.array(found["spheres"])
     assert np.sqrt(((q[:, :2] - centres) ** 2).sum(1).mean()) < 0.8
     assert np.abs(q[:, 2] - 40).max() < 0.6
-    check_probes(pixels, n, m, tolerance=0.1, of=np.median)
+    check_probes(pixels, n, m, tolerance=0.1)
     assert (tmp_path / "o.png").stat().st_size > 1000
 
 
@@ -191,10 +192,14 @@ def polygon(material, name, *points):
     return f"{material} polygon {name}\n0\n0\n{3 * len(points)} " + " ".join("%g %g %g" % p for p in points) + "\n"
 
 
-def room():
-    """120 x 120 x 145 sphere diameters, painted; two spotlights and two disc lamps."""
+LAMPS = [((20, -25, 60), (-20, 25, -60), 6), ((-30, 10, 45), (30, -10, -45), 5)]
+BULBS = [((12, 15, 70), (-8, -10, -40), .5), ((-14, -18, 70), (10, 12, -40), .5)]   # two thirds of a degree wide
+
+
+def room(ground=.25, bulbs=BULBS, powers=((40000, 38000, 30000), (20000, 25000, 40000))):
+    """120 x 120 x 145 sphere diameters, painted; two disc lamps, and spotlights."""
     a, low, high = 60, -5, 140
-    text = """void brightfunc paint
+    text = f"""void brightfunc paint
 2 br paint.cal
 0
 0
@@ -209,7 +214,7 @@ paint plastic cold
 void plastic board
 0
 0
-5 .25 .25 .25 0 0
+5 {ground} {ground} {ground} 0 0
 void metal chrome
 0
 0
@@ -218,31 +223,12 @@ void light glow
 0
 0
 3 900 850 700
-glow ring lampA
-0
-0
-8 20 -25 60 -20 25 -60 0 6
-glow ring lampB
-0
-0
-8 -30 10 45 30 -10 -45 0 5
-void spotlight spot1
-0
-0
-7 6000 5700 4500 30 -8 -10 -40
-spot1 ring bulb1
-0
-0
-8 12 15 70 -8 -10 -40 0 2
-void spotlight spot2
-0
-0
-7 3000 3800 6000 30 10 12 -40
-spot2 ring bulb2
-0
-0
-8 -14 -18 70 10 12 -40 0 2
 """
+    for k, (at, to, r) in enumerate(LAMPS):
+        text += f"glow ring lamp{k}\n0\n0\n8 {' '.join(map(str, at + to))} 0 {r}\n"
+    for k, ((at, to, r), power) in enumerate(zip(bulbs, powers)):
+        text += f"void spotlight spot{k}\n0\n0\n7 {' '.join(map(str, power))} 30 {' '.join(map(str, to))}\n"
+        text += f"spot{k} ring bulb{k}\n0\n0\n8 {' '.join(map(str, at + to))} 0 {r}\n"
     return text + polygon("warm", "w1", (-a, -a, low), (-a, a, low), (-a, a, high), (-a, -a, high)) + \
         polygon("cold", "w2", (a, a, low), (a, -a, low), (a, -a, high), (a, a, high)) + \
         polygon("cold", "w3", (-a, a, low), (a, a, low), (a, a, high), (-a, a, high)) + \
@@ -251,78 +237,244 @@ spot2 ring bulb2
         polygon("board", "floor", (-a, -a, low), (a, -a, low), (a, a, low), (-a, a, low))
 
 
-RENDER = ("-ps", 1, "-dj", 0, "-ab", 0, "-av", .3, .3, .3, "-lr", 8, "-lw", 1e-3, "-st", 0)
+RENDER = ("-dj", 0, "-ab", 0, "-av", .3, .3, .3, "-lr", 8, "-lw", 1e-3, "-st", 0)
+
+
+class Camera:
+    """A perspective camera that looks at the middle of an n x m array, `tilt` degrees off its normal towards azimuth `to`."""
+
+    def __init__(self, n, m, size, pitch=1., distance=120., tilt=0., to=53., margin=1.08):
+        t, a = np.radians(tilt), np.radians(to)
+        self.eye = distance * np.array([np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t)])
+        self.forward = -self.eye / distance
+        self.right = np.cross(self.forward, [0, 1, 0])
+        self.right /= np.linalg.norm(self.right)
+        self.up = np.cross(self.right, self.forward)
+        self.w, self.h = (int(size * k / max(n, m)) for k in (n, m))
+        self.scale = self.w * distance / (n * pitch * margin)   # pixels per unit tangent
+        self.nodes = np.array([((i - (n - 1) / 2) * pitch, (j - (m - 1) / 2) * pitch, 0) for j in range(m) for i in range(n)])
+
+    def pixel(self, points):
+        p = np.asarray(points) - self.eye
+        return np.stack([self.w / 2 + self.scale * (p @ self.right) / (p @ self.forward),
+                         self.h / 2 - self.scale * (p @ self.up) / (p @ self.forward)], -1)
+
+    def radius(self):
+        return self.scale * .5 / np.sqrt(((self.nodes - self.eye) ** 2).sum(-1).mean() - .25)
+
+    def rays(self, x, y):
+        d = self.forward + ((x - self.w / 2) / self.scale)[..., None] * self.right - ((y - self.h / 2) / self.scale)[..., None] * self.up
+        return np.concatenate([np.broadcast_to(self.eye, d.shape), d], -1)
+
+
+def traced(folder, octree, rays):
+    """Radiance along rays (..., 6) by the project's own rtrace."""
+    out = run("rtrace", "-h", "-fff", *RENDER, octree, cwd=folder, stdin=np.ascontiguousarray(rays, np.float32).tobytes(), timeout=600).out
+    return np.frombuffer(out, np.float32).reshape(rays.shape[:-1] + (3,)).astype(float)
+
+
+def inside_pixels(samples):
+    k = (np.arange(samples) + .5) / samples
+    return (a.ravel() for a in np.meshgrid(k, k))
+
+
+def shot(folder, octree, camera, samples=2, highlights=()):
+    """The camera's picture, samples^2 rays a pixel; where a sphere mirrors one of the highlights, (point, pixels around, samples),
+    more: a bulb's image is a fifth of a pixel wide."""
+    def pixels(x, y, n):
+        dx, dy = inside_pixels(n)
+        return traced(folder, octree, camera.rays(x[..., None] + dx, y[..., None] + dy)).mean(-2)
+    image = np.concatenate([pixels(*np.meshgrid(np.arange(camera.w), np.arange(y, min(y + 64, camera.h))), samples) for y in range(0, camera.h, 64)])
+    for point, around, n in highlights:
+        p = camera.nodes
+        for _ in range(3):
+            half = sum((q - p) / np.linalg.norm(q - p, axis=-1, keepdims=True) for q in (camera.eye, np.array(point)))
+            p = camera.nodes + .5 * half / np.linalg.norm(half, axis=-1, keepdims=True)
+        at = np.floor(camera.pixel(p)).astype(int)
+        dx, dy = np.meshgrid(np.arange(-around, around + 1), np.arange(-around, around + 1))
+        x, y = ((at[:, k, None] + d.ravel()).clip(0, size - 1) for k, d, size in ((0, dx, camera.w), (1, dy, camera.h)))
+        image[y, x] = pixels(x, y, n)
+    return image
+
+
+def built(f, n, m, pitch=1., **more):
+    """Octrees of the room, room.oct, and of the room with n x m spheres on a board, array.oct."""
+    if not any((p / "rtrace").is_file() for p in (BIN, FETCHED)):
+        pytest.skip("needs the project's own rtrace: make radiance")
+    a, b = (n - 1) / 2 * pitch, (m - 1) / 2 * pitch
+    (f / "paint.cal").write_text(CAL)
+    (f / "room.rad").write_text(room(**more))
+    (f / "spheres.rad").write_text("".join(f"chrome sphere s{i}_{j}\n0\n0\n4 {i * pitch - a} {j * pitch - b} 0 .5\n" for j in range(m) for i in range(n)) +
+                                   polygon("board", "bd", (-a - 1.5, -b - 1.5, -.5), (a + 1.5, -b - 1.5, -.5), (a + 1.5, b + 1.5, -.5), (-a - 1.5, b + 1.5, -.5)))
+    (f / "room.oct").write_bytes(run("oconv", "room.rad", cwd=f).out)
+    (f / "array.oct").write_bytes(run("oconv", "room.rad", "spheres.rad", cwd=f).out)
+
+
+def spotlight(zenith, azimuth, distance=60.):
+    """A bulb .2 across there, that points at the array: its shadows are sharp."""
+    at = tuple(float(round(x, 3)) for x in distance * U.direction(azimuth, zenith))
+    return at, tuple(-x for x in at), .1
+
+
+@pytest.mark.parametrize("n, m, pitch, ground, spots, tilt, to, distance", [
+    (6, 5, 1, .25, [(28, 20)], 0, 0, 120),
+    (6, 5, 1, .6, [(28, 20), (27, 243)], 5, 53, 120),
+    (5, 6, 1, .03, [(11, 115), (45, 0)], 5, 200, 120),
+    (5, 4, 1.3, .5, [(28, 20), (27, 243)], 2, 300, 60),
+    (5, 5, 1.5, .25, [(11, 115)], 5, 110, 120),
+])
+def test_corners_found_among_sharp_shadows(tmp_path, n, m, pitch, ground, spots, tilt, to, distance):
+    """Spotlights throw each sphere's shadow on the ground: circles of nearly its size beside it."""
+    bulbs = [spotlight(*s) for s in spots]
+    built(tmp_path, n, m, pitch, ground=ground, bulbs=bulbs, powers=[(3e5, 3e5, 2.6e5)] * len(bulbs))
+    camera = Camera(n, m, 56 * max(n, m) * pitch * 1.3, pitch, distance, tilt, to, margin=1.3)
+    image = shot(tmp_path, "array.oct", camera)
+    _, _, found = field(tmp_path, image, n, m, "--corners", "auto")
+    q, r = np.array(found["spheres"]), camera.radius()
+    assert np.sqrt(((q[:, :2] - camera.pixel(camera.nodes)) ** 2).sum(1).mean()) < .02 * r
+    assert q[:, 2].mean() == pytest.approx(r, rel=.01)   # what the issue asks of a single ball
+
+
+POSITIONS = ((0, 0), (5, 6), (11, 2))
+TILT = 5
 
 
 @pytest.fixture(scope="module")
 def virtual(tmp_path_factory):
-    """The photograph from 120 diameters, the camera 4 degrees off the normal, and captures at four positions."""
-    if not any((p / "rpict").is_file() for p in (BIN, FETCHED)):
-        pytest.skip("needs the project's own rpict: make radiance")
+    """Ten exposures of 12 x 12 spheres from 120 diameters, merged; and captures at three of the places."""
     f = tmp_path_factory.mktemp("array")
-    (f / "paint.cal").write_text(CAL)
-    (f / "room.rad").write_text(room())
-    (f / "spheres.rad").write_text("".join(f"chrome sphere s{i}_{j}\n0\n0\n4 {i - 5.5} {j - 5.5} 0 .5\n" for j in range(12) for i in range(12)) +
-                                   polygon("board", "bd", (-7, -7, -.5), (7, -7, -.5), (7, 7, -.5), (-7, 7, -.5)))
-    (f / "room.oct").write_bytes(run("oconv", "room.rad", cwd=f).out)
-    (f / "array.oct").write_bytes(run("oconv", "room.rad", "spheres.rad", cwd=f).out)
-    tilt = np.radians(4)
-    eye = 120 * np.array([np.sin(tilt) * .6, np.sin(tilt) * .8, np.cos(tilt)])
-    view = ("-vtv", "-vp", *eye, "-vd", *(-eye / 120), "-vu", 0, 1, 0, "-vh", 6.2, "-vv", 6.2)
-    big = run("rpict", *view, "-x", 1536, "-y", 1536, *RENDER, "array.oct", cwd=f, timeout=300).out
-    (f / "array.hdr").write_bytes(run("pfilt", "-1", "-x", "/2", "-y", "/2", stdin=big).out)
-    for i, j in ((0, 0), (5, 6), (11, 2)):
-        sky = run("rpict", "-vta", "-vp", i - 5.5, j - 5.5, 0, "-vd", 0, 0, 1, "-vu", 0, 1, 0, "-vh", 180, "-vv", 180, "-x", 800, "-y", 800, *RENDER, "room.oct", cwd=f).out
-        (f / f"sky_{i}_{j}.hdr").write_bytes(run("pfilt", "-1", "-x", "/2", "-y", "/2", stdin=sky).out)
-    # where a camera at eye sees the sphere centres
-    forward = -eye / 120
-    right = np.cross(forward, [0, 1, 0])
-    right /= np.linalg.norm(right)
-    up = np.cross(right, forward)
-    i, j = np.meshgrid(np.arange(12), np.arange(12))
-    p = np.stack([i.ravel() - 5.5, j.ravel() - 5.5, 0 * i.ravel()], -1) - eye
-    k = 384 / np.tan(np.radians(3.1))
-    centres = np.stack([384 + k * (p @ right) / (p @ forward), 384 - k * (p @ up) / (p @ forward)], -1)
-    return f, centres
+    built(f, 12, 12)
+    camera = Camera(12, 12, 768, tilt=TILT)
+    photo = shot(f, "array.oct", camera, highlights=[(b[0], 1, 16) for b in BULBS] + [(b[0], 3, 4) for b in LAMPS])
+    rng, names = np.random.default_rng(12), []
+    for k in range(10):   # an 8-bit camera with sRGB's curve, shot noise and a little read noise; 2 stops apart
+        light = photo * 8 * 4. ** -k
+        light = rng.normal(light, np.sqrt(light.clip(0) / 2e4 + 1e-7)).clip(0, 1)
+        code = np.where(light <= .0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - .055)
+        names.append(f"{k}.png")
+        Image.fromarray(np.rint(255 * code).astype(np.uint8)).save(f / names[-1])
+    (f / "times.txt").write_text("".join(f"{name} {8 * 4. ** -k}\n" for k, name in enumerate(names)))
+    run("hdrgen", "--response", "srgb", "--times", "times.txt", "-o", "array.exr", *names, cwd=f)
+    for i, j in POSITIONS:
+        sky = run("rpict", "-vta", "-vp", i - 5.5, j - 5.5, 0, "-vd", 0, 0, 1, "-vu", 0, 1, 0, "-vh", 180, "-vv", 180, "-x", 1600, "-y", 1600,
+                  "-ps", 4, "-pt", .02, *RENDER, "room.oct", cwd=f, timeout=300).out
+        (f / f"sky_{i}_{j}.hdr").write_bytes(sky)
+    return f, camera, photo
 
 
-def band_errors(f, pixels, i, j, w=96, h=48):
+def test_ten_exposures_give_the_radiance_back(virtual):
+    """The merged photograph against the one that was traced: its own noise and codes leave 1 %."""
+    f, _, photo = virtual
+    merged = U.read_exr(f / "array.exr")[0][..., :3]
+    lit = photo > photo.max() * 1e-6
+    ratio = merged[lit] / photo[lit]
+    scale = np.median(ratio)
+    error = np.abs(ratio / scale - 1)
+    print(f"median {np.median(error):.4f}, 99th percentile {np.quantile(error, .99):.4f}, total {merged.sum() / scale / photo.sum() - 1:+.4f}, scale {scale:.4g}")
+    assert np.median(error) < .01
+    assert merged.sum() / scale == pytest.approx(photo.sum(), rel=.01)
+
+
+LOBE = 8.   # degrees: two pixels of a sphere of 30; finer than that it has nothing to say
+
+
+@functools.cache
+def lobe_weights(w, h):
+    theta, phi = (np.radians(a) for a in U.probe_angles(w, h, 90))
+    d = np.stack([np.sin(phi)[:, None] * np.cos(theta), np.sin(phi)[:, None] * np.sin(theta), np.cos(phi)[:, None] + 0 * theta], -1).reshape(-1, 3)
+    weight = np.exp((d @ d.T - 1) / np.radians(LOBE) ** 2) * np.repeat(U.probe_solid_angle(w, h, 90), w)
+    return weight / weight.sum(1, keepdims=True)
+
+
+def seen_through_lobes(probe):
+    """A probe's radiance averaged with Gaussian lobes about its own texels' directions."""
+    h, w = probe.shape[:2]
+    return (lobe_weights(w, h) @ probe.reshape(-1, 3)).reshape(probe.shape)
+
+
+BANDS = ((0, 40), (40, 70), (81, 90))
+
+
+def sky(f, i, j, w=96, h=48):
     run("fishremap", "--lens", "equidistant", "--fov", 180, "--size", f"{w}x{h}", "-o", f / "sky.exr", f / f"sky_{i}_{j}.hdr")
-    sky = U.read_exr(f / "sky.exr")[0][..., :3]
-    ours = pixels[j * h:(j + 1) * h, i * w:(i + 1) * w, :3]
-    phi = U.probe_angles(w, h, 90)[1]
+    return U.read_exr(f / "sky.exr")[0][..., :3]
 
-    def median_error(a, b):   # a pixel of a 30-pixel sphere is 4 degrees wide: means would be all lamps' outlines
-        m = (phi >= a) & (phi < b)
-        return np.median(np.abs(ours[m] - sky[m])) / np.median(sky[m])
-    return [median_error(a, b) for a, b in ((0, 40), (40, 78), (81, 90))]
+
+def band_errors(ours, truth):
+    """Relative RMSE through lobes, and median error of texels, in each band of polar angles."""
+    phi = U.probe_angles(96, 48, 90)[1]
+    a, b = seen_through_lobes(ours), seen_through_lobes(truth)
+    out = []
+    for low, high in BANDS:
+        m = (phi >= low) & (phi < high)
+        out.append((np.sqrt(((a - b)[m] ** 2).mean() / (b[m] ** 2).mean()), np.median(np.abs(ours - truth)[m]) / np.median(truth[m])))
+    return out
+
+
+@functools.cache
+def to_field(f, corners, *more):
+    """The merged photograph's light field: file, pixels, header, and where the spheres were found."""
+    out = f / f"{len(list(f.glob('*.ilf.exr')))}.ilf.exr"
+    run("fishremap", "--array", "12x12", "--corners", corners, *more, "--size", "96x48", "--plane", "-5.5 -5.5 0 11 0 0 0 11 0",
+        "--report", f / "r.json", "-o", out, f / "array.exr")
+    return out, *U.read_exr(out), json.loads((f / "r.json").read_text())
 
 
 @pytest.mark.parametrize("how", ["auto", "hand"])
-def test_virtual_photograph(virtual, tmp_path, how):
-    f, centres = virtual
-    corners = "auto" if how == "auto" else corner_text(centres, 12, 12, 29.5, np.random.default_rng(4), 3)
-    run("fishremap", "--array", "12x12", "--corners", corners, "--camera-distance", 120, "--size", "96x48", "--report", tmp_path / "r.json",
-        "-o", tmp_path / "o.ilf.exr", f / "array.hdr")
-    found = json.loads((tmp_path / "r.json").read_text())
+def test_virtual_photograph(virtual, how):
+    f, camera, photo = virtual
+    centres = camera.pixel(camera.nodes)
+    corners = "auto" if how == "auto" else corner_text(centres, 12, 12, camera.radius(), np.random.default_rng(4), 3)
+    _, pixels, header, found = to_field(f, corners, "--camera-distance", 120)
     q = np.array(found["spheres"])
-    assert np.sqrt(((q[:, :2] - centres) ** 2).sum(1).mean()) < 0.6
-    assert found["tilt_deg"] == pytest.approx(4, abs=0.7)
-    pixels, header = U.read_exr(tmp_path / "o.ilf.exr")
+    print(how, "centres", np.sqrt(((q[:, :2] - centres) ** 2).sum(1).mean()), "radius", q[:, 2].mean() / camera.radius(), "tilt", found["tilt_deg"])
+    assert np.sqrt(((q[:, :2] - centres) ** 2).sum(1).mean()) < 0.01 * camera.radius()
+    assert q[:, 2].mean() == pytest.approx(camera.radius(), rel=.01)
+    assert found["tilt_deg"] == pytest.approx(TILT, abs=0.7)
     assert np.degrees(header["ilf:polarValid"]) == pytest.approx(FREE_CONE, abs=0.5)
-    for i, j in ((0, 0), (5, 6), (11, 2)):
-        near, far, band = band_errors(f, pixels, i, j)
-        print(how, (i, j), f"median error within 40 deg {near:.3f}, to 78 deg {far:.3f}, beyond 81 deg {band:.3f}")
-        assert near < 0.1 and far < 0.1, (near, far)
+    pixels = pixels * np.median(photo) / np.median(U.read_exr(f / "array.exr")[0][..., :3])
+    for i, j in POSITIONS:
+        near, far, band = band_errors(pixels[j * 48:(j + 1) * 48, i * 96:(i + 1) * 96, :3], sky(f, i, j))
+        print(how, (i, j), "RMSE (median of texels) " + ", ".join(f"{a}-{b} deg {e[0]:.3f} ({e[1]:.3f})" for (a, b), e in zip(BANDS, (near, far, band))))
+        # a sphere off by 2 % of its radius mirrors off by 2.3 degrees, which moves a Gaussian lobe of 8 by 2.3 / (8 sqrt 2)
+        # a sphere off by 1 % of its radius mirrors off by 1.15 degrees: that moves a Gaussian lobe of 8 by 1.15 / (8 sqrt 2) of its RMS
+        assert near[0] < .1 and far[0] < .1
+        assert near[1] < .1 and far[1] < .1
         if (i, j) == (5, 6):   # the neighbours' reflections, where the paper has them; a corner has few neighbours
-            assert band > 2 * far
+            assert band[1] > 2 * far[1]
 
 
-def test_perspective_matters_and_is_corrected(virtual, tmp_path):
-    f, centres = virtual
+def test_the_band_is_discounted(virtual):
+    """Beyond polarValid a lookup holds what is there: the neighbours' reflections are gone."""
+    f, camera, photo = virtual
+    out, pixels, header, _ = to_field(f, corner_text(camera.pixel(camera.nodes), 12, 12, camera.radius()), "--camera-distance", 120)
+    valid, theta = np.degrees(header["ilf:polarValid"]), np.arange(0, 360, 5.)
+
+    def looked_up(phi):
+        d = np.stack([U.direction(t, phi) for t in theta])
+        p = np.broadcast_to([-.5, .5, 0], d.shape)   # probe (5, 6)
+        rays = np.concatenate([p, d, p + d * 1e5], -1)
+        return np.array([line.split() for line in run("ilftrace", "--nodepth", out, stdin="".join(" ".join(f"{x:.9g}" for x in r) + "\n" for r in rays)).text.splitlines()], float)
+    edge = looked_up(valid)
+    for phi in (82, 85, 89):
+        assert np.allclose(looked_up(phi), edge, rtol=1e-4)
+    raw = pixels[6 * 48:7 * 48, 5 * 96:6 * 96, :3]
+    truth = sky(f, 5, 6)
+    rows = U.probe_angles(96, 48, 90)[1] > 81
+    last = (U.probe_angles(96, 48, 90)[1] < valid).sum() - 1
+    scale = np.median(photo) / np.median(U.read_exr(f / "array.exr")[0][..., :3])
+    error = {k: np.median(np.abs(v * scale - truth)[rows]) for k, v in (("raw", raw), ("held", raw[last]))}
+    ideal = np.median(np.abs(truth[last] - truth)[rows])   # what holding costs where nothing is in the way
+    print(error, ideal)
+    assert error["held"] < ideal + 0.1 * np.median(truth[rows]) < error["raw"], (error, ideal)
+
+
+def test_perspective_matters_and_is_corrected(virtual):
+    f, camera, photo = virtual
     error = {}
     for name, more in (("orthographic", ()), ("perspective", ("--camera-distance", 120))):
-        run("fishremap", "--array", "12x12", "--corners", corner_text(centres, 12, 12, 29.5), *more, "--size", "96x48", "-o", tmp_path / "o.ilf.exr", f / "array.hdr")
-        error[name] = band_errors(f, U.read_exr(tmp_path / "o.ilf.exr")[0], 0, 0)
-    assert error["perspective"][0] < 0.7 * error["orthographic"][0]
-    assert error["perspective"][1] < 0.7 * error["orthographic"][1]
+        _, pixels, _, _ = to_field(f, corner_text(camera.pixel(camera.nodes), 12, 12, camera.radius()), *more)
+        pixels = pixels * np.median(photo) / np.median(U.read_exr(f / "array.exr")[0][..., :3])
+        error[name] = band_errors(pixels[:48, :96, :3], sky(f, 0, 0))
+    assert error["perspective"][0][1] < 0.7 * error["orthographic"][0][1]
+    assert error["perspective"][1][1] < 0.7 * error["orthographic"][1][1]

@@ -291,6 +291,43 @@ done:
     return rc;
 }
 
+/* How well a ball's rim shows at a circle: the mean over the rays of how much more the picture changes across it than beyond it (log
+ * ratio, at most 2 either way), times the radius, as of two rims the outer one holds the inner as a reflection, and less
+ * the more of it is outside the picture. */
+static double rim_votes(const float *grey, int w, int h, double x, double y, double r)
+{
+    double b = fmax(r / 65, 0.5), sum = 0;
+    int seen = 0;
+    for (int k = 0; k < ANGLES; k++) {
+        float v[3];
+        for (int i = 0; i < 3; i++) {
+            static const double from[4] = {-1, 1, 1.5, 4.5};
+            float p = bilinear(grey, w, h, x + (r + from[i] * b) * cosines[k], y + (r + from[i] * b) * sines[k]);
+            float q = bilinear(grey, w, h, x + (r + from[i + 1] * b) * cosines[k], y + (r + from[i + 1] * b) * sines[k]);
+            v[i] = fabsf(q - p);
+        }
+        if (isnan(v[0]) || isnan(v[2])) continue;
+        sum += fmax(-2, fmin(2, log(((double)v[0] + 0.02) / ((double)v[2] / 1.5 + 0.02))));
+        seen++;
+    }
+    return seen < ANGLES / 4 ? 0 : sum / seen * r * sqrt((double)seen / ANGLES);
+}
+
+/* A ball's reflections have circles of their own, inside of its rim: where a circle near to the one found has clearly more votes, take
+ * that. */
+static void to_the_rim(circle_found *f, const float *grey, int w, int h)
+{
+    circle_found t = *f;
+    double best = 1.25 * rim_votes(grey, w, h, f->x, f->y, f->r), step = fmax(f->r / 130, 0.5);
+    for (int r = -2; r <= 9; r++)
+        for (int y = -9; y <= 9; y++)
+            for (int x = -9; x <= 9; x++) {
+                double v = rim_votes(grey, w, h, f->x + x * step, f->y + y * step, f->r + r * step);
+                if (v > best) best = v, t.x = f->x + x * step, t.y = f->y + y * step, t.r = f->r + r * step;
+            }
+    if (memcmp(&t, f, sizeof t) && !circle_refine(&t, grey, w, h, CIRCLE_BALL, fmax(3, 0.01 * t.r))) *f = t;
+}
+
 int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kind, double radius, errmsg *e)
 {
     candidate c[KEPT];
@@ -308,6 +345,7 @@ int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kin
         double q = c[i].score * t.share * sqrt(t.r) / (0.3 + t.rms);
         if (q > quality) quality = q, best = t;
     }
+    if (quality > 0 && kind == CIRCLE_BALL) to_the_rim(&best, grey, w, h);
     free(grey);
     if (!(quality > 0)) return err_set(e, "expected a circle that stands out, found none; give --centre and --radius");
     *f = best;

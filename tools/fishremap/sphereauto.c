@@ -1,11 +1,18 @@
 /*
  * sphereauto.c - finding a mirror-sphere array without a hint (spherefind.h).
  *
- * Neighbouring spheres show almost the same reflections, so the picture repeats itself: the steps
- * of the grid are the shifts, along the picture's right and up, at which its gradient correlates best with
- * itself.  The centre lies where the repeated pieces are most alike, the radius is where the reflections
- * end on the way in from the gaps.  Which nodes are spheres
- * is seen from how alike neighbouring nodes are: the n x m window that holds most likeness is the array.
+ * The picture repeats itself, sphere by sphere: the steps of the lattice are the shifts, along the picture's right and up, at which
+ * its gradient correlates best with itself.  What is unlike among neighbouring cells tells where in its cell a sphere
+ * stands.  The middle of a sphere shows the distant room, as its neighbour's does; the ground between them, sharp shadows
+ * included, repeats exactly; only the ring around the middle, where spheres mirror each other's mirror images, differs:
+ *
+ *          . ground and shadows: alike .
+ *              ,-~~~~~~~-.
+ *            /  .-------.  \   <- the ring between INNER r and r: unlike
+ *           |  |  room:  |  |
+ *           |  |  alike  |  |
+ *
+ * Which nodes are spheres is seen from how alike their middles are: the n x m window that holds most likeness is the array.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -15,6 +22,7 @@
 
 #define SIDE 480 /* pixels, longer side of the working copy */
 #define CELL 32  /* places tried across the repeating cell */
+#define INNER 0.68 /* of the radius: outside of it a sphere shows its neighbours (0.64 where they touch, sphere.h) */
 
 typedef struct work {
     int w, h;
@@ -108,65 +116,78 @@ static double find_step(double step[2], const work *a, const double d[2], double
     return best;
 }
 
-/* What the same place of neighbouring cells has in common, over all nodes within the picture: the mean
- * product of gradients, and minus the mean squared difference (clipped) of what is seen. */
-static void compare_cells(float product[CELL][CELL], float same[CELL][CELL], const work *a, const double u[2], const double v[2],
-                          double pitch, int n, int m)
+/* A lattice of cells laid over the working copy, and the part of it that may hold the array. */
+typedef struct lattice {
+    double o[2], u[2], v[2];  /* corner of cell (0, 0), and the steps */
+    int along_u, along_v;     /* is there more than one sphere that way? */
+    int i0, j0, i1, j1;       /* cells that count: i0 <= i < i1, j0 <= j < j1 */
+} lattice;
+
+/* How unlike the same place of neighbouring cells looks: the mean difference of log grey, up to 1. */
+static void fold_cells(float unlike[CELL * CELL], const work *a, const lattice *l)
 {
-    int reach = (int)(hypot(a->w, a->h) / pitch) + 2;
     for (int q = 0; q < CELL; q++)
         for (int p = 0; p < CELL; p++) {
-            double sum = 0, diff = 0, count = 0;
-            for (int j = -reach; j <= reach; j++)
-                for (int i = -reach; i <= reach; i++) {
-                    double s = i + (p + 0.5) / CELL, t = j + (q + 0.5) / CELL, x = s * u[0] + t * v[0], y = s * u[1] + t * v[1];
+            double sum = 0, count = 0;
+            for (int j = l->j0; j < l->j1; j++)
+                for (int i = l->i0; i < l->i1; i++) {
+                    double s = i + (p + 0.5) / CELL, t = j + (q + 0.5) / CELL;
+                    double x = l->o[0] + s * l->u[0] + t * l->v[0], y = l->o[1] + s * l->u[1] + t * l->v[1];
                     if (x < 0 || y < 0 || x >= a->w || y >= a->h) continue;
-                    size_t here = (size_t)y * (size_t)a->w + (size_t)x;
+                    float here = a->g[(size_t)y * (size_t)a->w + (size_t)x];
                     for (int d = 0; d < 2; d++) {
-                        double nx = x + (d ? v[0] : u[0]), ny = y + (d ? v[1] : u[1]);
-                        if ((d ? m : n) == 1 || nx < 0 || ny < 0 || nx >= a->w || ny >= a->h) continue;
-                        size_t there = (size_t)ny * (size_t)a->w + (size_t)nx;
-                        double e = (double)(a->g[there] - a->g[here]);
-                        sum += (double)(a->gx[here] * a->gx[there] + a->gy[here] * a->gy[there]), diff += fmin(e * e, 0.25), count++;
+                        double nx = x + (d ? l->v[0] : l->u[0]), ny = y + (d ? l->v[1] : l->u[1]);
+                        if (!(d ? l->along_v && j + 1 < l->j1 : l->along_u && i + 1 < l->i1)) continue;
+                        if (nx < 0 || ny < 0 || nx >= a->w || ny >= a->h) continue;
+                        sum += fmin(fabs((double)(a->g[(size_t)ny * (size_t)a->w + (size_t)nx] - here)), 1), count++;
                     }
                 }
-            product[q][p] = (float)(count > 0 ? sum / count : 0);
-            same[q][p] = (float)(count > 0 ? -diff / count : 0);
+            unlike[q * CELL + p] = (float)(count > 0 ? sum / count : 0);
         }
 }
 
-#define GUESSES 3
-
-/* Guesses at the centre in the cell, in steps: neighbours have much in common in the middle, where no sphere
- * hides the room, and little in the ring of reflected reflections around it. */
-static void find_centre(double at[GUESSES][2], float shared[CELL][CELL], const double u[2], const double v[2], double pitch)
+/* The ring of one sphere in its cell, centred on cell (0, 0)'s corner and repeated: 1 between INNER r and r, with mean 0 and norm 1. */
+static void ring_template(float ring[CELL * CELL], const lattice *l, double r)
 {
-    float score[CELL][CELL];
+    enum { SUB = 3 };
+    double mean = 0, norm = 0;
     for (int q = 0; q < CELL; q++)
         for (int p = 0; p < CELL; p++) {
-            double in = 0, nin = 0, ring = 0, nring = 0;
-            for (int j = 0; j < CELL; j++)
-                for (int i = 0; i < CELL; i++) {
-                    double s = (double)(i - p) / CELL, t = (double)(j - q) / CELL;
-                    s -= nearbyint(s), t -= nearbyint(t);
-                    double r = hypot(s * u[0] + t * v[0], s * u[1] + t * v[1]) / pitch, d = (double)shared[j][i];
-                    if (r < 0.28) in += d, nin++;
-                    else if (r > 0.34 && r < 0.48) ring += d, nring++;
-                }
-            score[q][p] = (float)(in / nin - ring / nring);
+            int in = 0;
+            for (int k = 0; k < SUB * SUB; k++) {
+                double s = (p + (k % SUB - 1.) / SUB) / CELL, t = (q + (k / SUB - 1.) / SUB) / CELL;
+                s -= nearbyint(s), t -= nearbyint(t);
+                double d = hypot(s * l->u[0] + t * l->v[0], s * l->u[1] + t * l->v[1]);
+                in += d < r && d > INNER * r;
+            }
+            ring[q * CELL + p] = (float)in / (SUB * SUB);
+            mean += (double)ring[q * CELL + p] / (CELL * CELL);
         }
-    for (int k = 0; k < GUESSES; k++) { /* the highest, a quarter of a cell apart */
-        float best = -INFINITY;
+    for (int k = 0; k < CELL * CELL; k++) ring[k] -= (float)mean, norm += (double)(ring[k] * ring[k]);
+    for (int k = 0; k < CELL * CELL; k++) ring[k] /= (float)sqrt(norm);
+}
+
+/* The sphere in the cell, moving the lattice's corner to its centre: its radius (pixels), and how well (correlation, 0..1)
+ * what is unlike among neighbours fits in a ring. */
+static double find_ring(double *radius, lattice *l, const work *a)
+{
+    float unlike[CELL * CELL], ring[CELL * CELL];
+    double pitch = fmin(hypot(l->u[0], l->u[1]), hypot(l->v[0], l->v[1])), mean = 0, norm = 0, best = 0, at[2] = {0, 0};
+    fold_cells(unlike, a, l);
+    for (int k = 0; k < CELL * CELL; k++) mean += (double)unlike[k] / (CELL * CELL);
+    for (int k = 0; k < CELL * CELL; k++) unlike[k] -= (float)mean, norm += (double)(unlike[k] * unlike[k]);
+    for (double f = 0.25; f < 0.505; f += 0.01) {
+        ring_template(ring, l, f * pitch);
         for (int q = 0; q < CELL; q++)
             for (int p = 0; p < CELL; p++) {
-                int apart = 1;
-                for (int i = 0; i < k; i++) {
-                    double s = (p + 0.5) / CELL - at[i][0], t = (q + 0.5) / CELL - at[i][1];
-                    apart &= hypot(s - nearbyint(s), t - nearbyint(t)) > 0.2;
-                }
-                if (apart && score[q][p] > best) best = score[q][p], at[k][0] = (p + 0.5) / CELL, at[k][1] = (q + 0.5) / CELL;
+                float c = 0;
+                for (int j = 0; j < CELL; j++)
+                    for (int i = 0; i < CELL; i++) c += ring[j * CELL + i] * unlike[(j + q) % CELL * CELL + (i + p) % CELL];
+                if ((double)c > best) best = (double)c, *radius = f * pitch, at[0] = (p + 0.5) / CELL, at[1] = (q + 0.5) / CELL;
             }
     }
+    for (int x = 0; x < 2; x++) l->o[x] += at[0] * l->u[x] + at[1] * l->v[x];
+    return norm > 0 ? best / sqrt(norm) : 0;
 }
 
 /* How alike the reflections around two points are: correlation of grey within 0.6 r; -1 outside. */
@@ -239,33 +260,22 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
         work_free(&a);
         return err_set(e, "expected an array of %d x %d mirror spheres, found nothing that repeats itself so; give --corners", n, m);
     }
-    float shared[2][CELL][CELL];
-    double at[2 * GUESSES][2], best = 0;
-    compare_cells(shared[0], shared[1], &a, u, v, pitch, n, m);
-    find_centre(at, shared[0], u, v, pitch);
-    find_centre(at + GUESSES, shared[1], u, v, pitch);
-    for (int try = 0; try < 4 * GUESSES && best < 1.2; try++) { /* each guess taken to its rims: which has most of them? */
-        int k = try % (2 * GUESSES);
-        double slack = (try < 2 * GUESSES ? 0.04 : 0.15) * a.k * pitch;
-        double o[2] = {at[k][0] * u[0] + at[k][1] * v[0], at[k][0] * u[1] + at[k][1] * v[1]};
+    int reach = (int)(hypot(a.w, a.h) / pitch) + 2;
+    lattice l = {{0, 0}, {u[0], u[1]}, {v[0], v[1]}, n > 1, m > 1, -reach, -reach, reach, reach};
+    double radius = 0, best = 0;
+    for (int pass = 0; pass < 3; pass++) { /* all that is in the picture; then the array's own cells */
         int node[2] = {0, 0};
-        if (!(best_window(node, &a, o, u, v, 0.4 * pitch, n, m) > 0.1)) continue;
-        sphere_seen c[4];
-        for (int q = 0; q < 4; q++) {
-            double i = node[0] + (q == 1 || q == 2 ? n - 1 : 0), j = node[1] + (q >= 2 ? m - 1 : 0);
-            c[q] = (sphere_seen){a.k * (o[0] + i * u[0] + j * v[0]), a.k * (o[1] + i * u[1] + j * v[1]), a.k * 0.5 * pitch};
+        best = find_ring(&radius, &l, &a);
+        if (!(best > 0.2) || !(best_window(node, &a, l.o, u, v, radius, n, m) > 0)) {
+            best = 0;
+            break;
         }
-        sphere_grid g;
-        sphere_fit fit;
-        sphere_seen *all = malloc(sizeof *all * (size_t)n * (size_t)m);
-        double quality = 0;
-        if (all && !sphere_outer_radius(c, pix, w, h, n, m, rotate, NULL) && !sphere_grid_init(&g, n, m, c, rotate, NULL)) {
-            int rc = n > 1 && m > 1 ? sphere_refine(all, &fit, &g, c, rotate, slack, 0.3 * a.k * pitch, pix, w, h, NULL) : 1;
-            quality = rc < 0 ? 0 : rc > 0 ? 1e-3 : (0.1 + fit.seen / ((double)n * m)) / (0.3 + fit.rms);
-            for (int q = 0; q < 4 && rc == 0; q++) c[q] = sphere_grid_at(NULL, &g, q == 1 || q == 2 ? n - 1 : 0, q >= 2 ? m - 1 : 0);
-        }
-        free(all);
-        if (quality > best) best = quality, memcpy(corner, c, sizeof c);
+        for (int x = 0; x < 2; x++) l.o[x] += (node[0] - 0.5) * u[x] + (node[1] - 0.5) * v[x];
+        l.i0 = l.j0 = 0, l.i1 = n, l.j1 = m;
+    }
+    for (int q = 0; q < 4; q++) {
+        double i = 0.5 + (q == 1 || q == 2 ? n - 1 : 0), j = 0.5 + (q >= 2 ? m - 1 : 0);
+        corner[q] = (sphere_seen){a.k * (l.o[0] + i * u[0] + j * v[0]), a.k * (l.o[1] + i * u[1] + j * v[1]), a.k * radius};
     }
     work_free(&a);
     if (!(best > 0)) return err_set(e, "expected an array of %d x %d mirror spheres, found none that look alike; give --corners", n, m);

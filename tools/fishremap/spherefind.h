@@ -11,19 +11,14 @@
 typedef struct sphere_fit {
     int seen;        /* spheres whose own rim agrees with the grid within a pixel */
     double rms;      /* of their own rims about the grid, pixels */
-    double contrast; /* change across the rims, relative to that across circles a little aside */
+    double votes;    /* of all rays for the rims, log units: 0 is chance */
 } sphere_fit;
 
-/* q: n*m spheres, i fastest, out.  g: from the corners, in; fitted to all rims at once, out: the corners, known to about
- * `slack` pixels, move (by up to `reach` pixels) to where the picture changes most across all circles, and the common radius becomes that
- * where the reflections end.  1 (q not set): the rims do not stand out from what is
- * around them; -1: the rims contradict the corners.  A single row or column is left as given (1). */
-int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double slack,
-                  double reach, const float *pix, int w, int h, errmsg *e);
-
-/* Corners at the right centres, with radii of half the pitch: set the radii to where, coming from the gaps, the
- * reflections begin. */
-int sphere_outer_radius(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e);
+/* q: n*m spheres, i fastest, out.  g: from the corners, in; out: fitted to all rims at once, no corner and no radius further than
+ * about `reach` pixels from where it was given.  1 (q not set): the rims do not stand out from what is around them; -1: no
+ * grid fits the corners, or there is no memory.  Grids with a single row or column are for the caller to leave as given. */
+int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double reach,
+                  const float *pix, int w, int h, errmsg *e);
 
 /* Corner spheres of an n x m array that fills a good part of the picture; rotate as in sphere_grid_init. */
 int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e);
