@@ -48,3 +48,12 @@ def split_error(halves, mask):
 
 def of_files(picture, reference, mask):
     return errors(compare.read_finite(picture), compare.read_finite(reference), compare.read_finite(mask))
+
+
+def of_files_clipped(picture, reference, mask):
+    """As scenes/compare.py judges a figure: clipped at its white, all covered pixels."""
+    a, b, m = (compare.read_finite(f) for f in (picture, reference, mask))
+    if not a.shape == b.shape == m.shape:
+        raise pictures.PictureError(f"{picture}: expected the size of {reference}, {b.shape[:2]}, found {a.shape[:2]}")
+    where = {"all": compare.regions_of(m)["all"]}
+    return {name: value for _, name, value in compare.measures(a, b, where, compare.exposure_of(b, where["all"]))}

@@ -44,7 +44,10 @@ def say(text):
 
 
 def inputs_of(command):
-    """The files of the build that a command names and that exist: a younger one makes the result stale."""
+    """The files of the build that a command names and that exist: a younger one makes the result stale.
+
+    Not ambient files, which grow whenever they are used.
+    """
     words = set(re.findall(rf"{re.escape(BUILD)}/(?:report|figures|demo)/[\w./-]+", command))
     return [TOP / w for w in words if (TOP / w).is_file()]
 
@@ -53,10 +56,12 @@ def fresh(command, out, log):
     try:
         if json.loads(log.read_text())["text"] != command:
             return False
-        made = out.stat().st_mtime
+        if not out.is_file():
+            return False
+        made = log.stat().st_mtime     # written after the command has ended, so after all that it wrote
     except (OSError, ValueError, KeyError):
         return False
-    return all(f == out or f.stat().st_mtime <= made for f in inputs_of(command))
+    return all(f.stat().st_mtime <= made for f in inputs_of(command))
 
 
 def run(command, out, label=None):

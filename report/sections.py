@@ -1,7 +1,8 @@
 """The report's sections by name: what `python -m report NAME` runs."""
 import importlib
 
-NAMES = {"time": "sweep_time"}
+NAMES = {"figures": "figures", "time": "sweep_time", "size": "sweep_size", "storage": "sweep_storage", "budget": "budget",
+         "depth": "sweep_depth", "grid": "sweep_grid", "page": "page"}
 
 
 def call(module):
@@ -10,4 +11,4 @@ def call(module):
     return main
 
 
-COMMANDS = {name: call(module) for name, module in {**NAMES, "colordata": "colordata"}.items()}
+COMMANDS = {name: call(module) for name, module in {**NAMES, "colordata": "colordata", "texels": "texels"}.items()}
