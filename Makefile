@@ -132,7 +132,7 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 	@mkdir -p $(@D) && cp $< $@
 
 # ---- the main job, tests, measurements -------------------------------------------------------------
--include scenes/scenes.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
+-include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
 -include tests/bench.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------

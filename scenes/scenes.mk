@@ -6,20 +6,17 @@
 # OFFICE=DIR names a folder with an exposure series of one fisheye view (*.jpg with EXIF exposure times); scenes/README.md
 # says what it has to be and which variables describe the lens.
 
-include scenes/chain.mk
+include scenes/chain.mk scenes/render.mk
 
 DEMO     := $(B0)/demo
 OFFICE   ?= ../shared/data/fisheye_bracket_office_canon5d2_8mm
 OFFICE_IMAGES := $(sort $(wildcard $(OFFICE)/*.jpg $(OFFICE)/*.JPG $(OFFICE)/*.jpeg))
 SCENES   := scenes/demo
-# importance samples of the light field per point; 0 = the paper's literal method, 512 blind rays a point
-DI       ?= 64
 DEMO_AD  ?= $(if $(filter 0,$(DI)),512,256)
 DEMO_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 # a picture is rendered at twice its size and halved
 DEMO_RES := -x 640 -y 480
 OFFICE_AD ?= $(if $(filter 0,$(DI)),256,1024)
-HALVE     = pfilt -1 -x /2 -y /2
 
 .PHONY: demo demo-run demo-clean
 demo:
@@ -35,7 +32,7 @@ demo-clean:
 # ---- (b) the virtual capture -------------------------------------------------------------------------
 # Two spotlights in a studio, 6 x 6 positions on a plane of 30 x 30 inches at the table's height.
 demo_OUT      := $(DEMO)
-demo_PATH     := $(TOP)/$(SCENES):$(TOP)/$(DEMO)
+demo_PATH     := $(TOP)/$(SCENES):$(TOP)/$(DEMO):$(TOP)/$(MODELS)
 demo_STAGE    := $(DEMO)/stage.oct
 demo_NU       := 6
 demo_NV       := 6
@@ -50,57 +47,17 @@ demo_PROBE    := 192x96
 demo_SINGLE   := 2_2
 $(eval $(call light_field,demo))
 
-DEMO_ROOM   := $(SCENES)/room_materials.rad $(SCENES)/room.rad $(SCENES)/lamps.rad
-DEMO_LAMPS  := $(SCENES)/lamp_yellow.rad $(SCENES)/lamp_blue.rad $(SCENES)/spot.cal
-DEMO_STILL  := $(SCENES)/table.rad $(SCENES)/objects.rad
-DEMO_VIEW   := $(SCENES)/view.vf
-DEMO_RUN     = $(ILF_ENV):$(demo_PATH)
-# the literal method sees the lamps with its ambient rays, so no cache and no supersampling: both would be biased
-# -st 0: highlights are a scattered ray's, below the threshold a surface has none in a light field
-PICT_ILF    := -ab 2 -st 0 -di $(DI) $(if $(filter 0,$(DI)),-aa 0 -as 0 -lw 1e-7,-aa .12 -as 64 -ar 64)
-
-$(DEMO)/statue.obj: scenes/models/statue.py | $(VENV)/.packages
-	@mkdir -p $(@D)
-	@$(PY) $< --height .30 --cells 110 -o $@
-$(DEMO)/statue.rtm: $(DEMO)/statue.obj | $(B0)/lib/.radiance
-	@$(ILF_ENV) obj2mesh $< $@
-
-$(DEMO)/stage.oct: $(DEMO_ROOM) $(DEMO_LAMPS) $(SCENES)/table.rad | $(call bins,oconv xform)
-	@mkdir -p $(@D)
-	@$(DEMO_RUN) oconv -f $(DEMO_ROOM) $(SCENES)/table.rad > $@.part
-	@mv $@.part $@
-$(DEMO)/photo.oct: $(DEMO_ROOM) $(DEMO_LAMPS) $(DEMO_STILL) $(DEMO)/statue.rtm | $(call bins,oconv xform)
-	@$(DEMO_RUN) oconv -f $(DEMO_ROOM) $(DEMO_STILL) > $@.part
-	@mv $@.part $@
-# the same surfaces, each of them a window on the light field
-$(DEMO)/with_%.oct: $(DEMO)/%.ilf.exr $(DEMO_ROOM) $(DEMO_LAMPS) $(DEMO_STILL) $(DEMO)/statue.rtm | $(call bins,oconv xform)
-	@{ printf 'void ilf room_light\n1 %s\n0\n0\n' $(<F); \
-	   $(DEMO_RUN) xform -m room_light $(SCENES)/room.rad $(SCENES)/lamps.rad; cat $(DEMO_STILL); } > $(DEMO)/with_$*.rad
-	@cat $(SCENES)/room_materials.rad | $(DEMO_RUN) oconv -f - $(DEMO)/with_$*.rad > $@.part
-	@mv $@.part $@
-# the longer of the two renderings starts first
-$(DEMO)/with_single.oct: | $(DEMO)/room.ilf.exr
-$(DEMO)/mask.oct: $(SCENES)/mask_materials.rad $(DEMO_STILL) $(DEMO)/statue.rtm | $(call bins,oconv xform)
-	@{ cat $(SCENES)/mask_materials.rad; $(DEMO_RUN) xform -m mask_table $(SCENES)/table.rad; \
-	   $(DEMO_RUN) xform -m mask_objects $(SCENES)/objects.rad; } | $(DEMO_RUN) oconv -f - > $@.part
-	@mv $@.part $@
-
-# one ray in the middle of each pixel, twice the picture's size, so that all pictures see the same edges
-DEMO_PICT := -vf $(DEMO_VIEW) $(DEMO_RES) -ps 1 -pj 0 -w
-$(eval $(call settings,$(DEMO)/render.settings,$(DEMO_PICT) $(PICT_ILF) -ad $(DEMO_AD); office -ad $(OFFICE_AD)))
-PICT_LIGHT_photo  := -ab 2 -aa .15 -ad 512 -as 128 -ar 64 -ds .05 -dj .8 -dt 0 -dc 1
-PICT_LIGHT_mask   := -ab 0
-PICT_LIGHT_with_room   := $(PICT_ILF) -ad $(DEMO_AD)
-PICT_LIGHT_with_single := $(PICT_LIGHT_with_room)
-$(DEMO)/%.big.hdr: $(DEMO)/%.oct $(DEMO_VIEW) $(DEMO)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
-	@echo "  render: $* $(PICT_LIGHT_$*)"
-	@$(DEMO_RUN) $(PY) scenes/timed.py --log $(DEMO)/$*.json -o $@ -- rpict $(DEMO_PICT) $(PICT_LIGHT_$*) $<
-$(DEMO)/%.hdr: $(DEMO)/%.big.hdr | $(call bins,pfilt)
-	@$(ILF_ENV) $(HALVE) $< > $@.part
-	@mv $@.part $@
-
-$(DEMO)/%.mosaic.png: $(DEMO)/%.ilf.exr | $(call bins,ilfinfo)
-	@$(ILF_ENV) ilfinfo --quiet --montage $@ $< > $(DEMO)/$*.ilf.txt
+# The pictures: the table and what stands on it, in the same studio.
+demo_PAINT    := $(SCENES)/room_materials.rad
+demo_ROOM     := $(SCENES)/room.rad $(SCENES)/lamps.rad
+demo_TABLE    := $(SCENES)/table.rad
+demo_OBJECTS  := $(SCENES)/objects.rad
+demo_READS    := $(SCENES)/lamp_yellow.rad $(SCENES)/lamp_blue.rad $(SCENES)/spot.cal $(MODELS)/statue.rtm
+demo_VIEW     := $(SCENES)/view.vf
+demo_RES      := $(DEMO_RES)
+demo_LIGHT_photo := -ab 2 -aa .15 -ad 512 -as 128 -ar 64 -ds .05 -dj .8 -dt 0 -dc 1
+demo_LIGHT_with  := $(PICT_ILF) -ad $(DEMO_AD)
+$(eval $(call light_field_pictures,demo))
 
 $(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --reference "Photograph: the room itself=$(DEMO)/photo.hdr" \
@@ -116,7 +73,7 @@ OFFICE_CIRCLE  ?= --centre 706,466 --radius 451.5
 OFFICE_FALLOFF ?= $(if $(wildcard $(OFFICE)/vignetting.json),--falloff $(OFFICE)/vignetting.json --falloff-set f5.6)
 OFFICE_RESPONSE ?= debevec
 OUT_OFFICE     := $(DEMO)/office
-OFFICE_RUN      = $(ILF_ENV):$(TOP)/$(SCENES):$(TOP)/$(DEMO):$(TOP)/$(OUT_OFFICE)
+OFFICE_RUN      = $(ILF_ENV):$(TOP)/$(SCENES):$(TOP)/$(OUT_OFFICE):$(TOP)/$(MODELS)
 
 .PHONY: no-office
 no-office:
@@ -130,13 +87,14 @@ $(OUT_OFFICE)/probe.exr: $(OUT_OFFICE)/fisheye.exr | $(call bins,fishremap)
 	    $(OFFICE_FALLOFF) -o $@ $<
 $(OUT_OFFICE)/office.ilf.exr: $(OUT_OFFICE)/probe.exr | $(call bins,ilfpack)
 	@$(ILF_ENV) ilfpack --quiet --grid 1x1 --plane "-.5 0 -.5  1 0 0  0 0 1" --type float -o $@ $<
-$(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(DEMO)/statue.rtm | $(call bins,oconv xform)
+$(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(MODELS)/statue.rtm | $(call bins,oconv xform)
 	@$(OFFICE_RUN) oconv -f $(SCENES)/office.rad > $@.part
 	@mv $@.part $@
-$(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(DEMO)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
+$(eval $(call settings,$(OUT_OFFICE)/render.settings,$(DEMO_RES) $(PICT_ILF) -ad $(OFFICE_AD)))
+$(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(OUT_OFFICE)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
 	@echo "  render: office $(PICT_ILF) -ad $(OFFICE_AD)"
 	@$(OFFICE_RUN) $(PY) scenes/timed.py --log $(OUT_OFFICE)/office.json -o $@ -- \
-	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) -ps 1 -pj 0 -w $(PICT_ILF) -ad $(OFFICE_AD) $<
+	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) $(PICT_RAYS) $(PICT_ILF) -ad $(OFFICE_AD) $<
 $(OUT_OFFICE)/office.hdr: $(OUT_OFFICE)/office.big.hdr | $(call bins,pfilt)
 	@$(ILF_ENV) $(HALVE) $< > $@.part
 	@mv $@.part $@
