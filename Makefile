@@ -133,6 +133,7 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
+-include report/report.mk
 -include tests/bench.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import numpy as np
 from . import measures, run
 
 NAMES = [s for s in os.environ.get("REPORT_FIGURES", "figure10 figure11 figure12").split() if s]
-FOLDER = os.environ.get("REPORT_FIGURES_IN", "figures")
+FROM = os.environ.get("REPORT_FROM", f"{run.BUILD}/figures")
 TITLES = {"figure10": "Figure 10: two spotlights into a mirror-sphere array", "figure11": "Figure 11: a yellow spotlight, a blue light half hidden",
           "figure12": "Figure 12: light through a branch", "demo": "The demo: two spotlights"}
 PICTURES = {"with_room": "Incident light field", "with_single": "Single probe"}
@@ -20,7 +20,7 @@ CLIPPED = "RMSE / mean, clipped at white, covered pixels"
 
 
 def folder(name):
-    return f"{run.BUILD}/{FOLDER}/{name}" if name != "demo" else f"{run.BUILD}/demo"
+    return f"{FROM}/{name}" if name != "demo" else f"{run.BUILD}/demo"
 
 
 def cost(name, picture):

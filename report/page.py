@@ -96,12 +96,15 @@ def seconds(x):
 COLUMNS = [("row", "", "row", text), ("error", "n", "error", percent), ("SSIM", "n", "ssim", lambda x: plain(x, "{:.4f}")), ("CPU s", "n", "cpu_s", seconds),
            ("peak MB", "n", "peak_mb", lambda x: plain(x, "{:.0f}")), ("reference", "", "reference", text),
            ("its own error", "n", "reference_error", percent), ("measure", "", "measure", text)]
+NOTED = {"storage", "budget", "size"}     # sections whose rows say more in words
 
 
 def table(rows):
     shown = [c for c in COLUMNS if any(r[c[2]] != "" for r in rows)]
     if len({r["figure"] for r in rows}) > 1 or rows[0]["figure"] != rows[0]["section"]:
         shown.insert(0, ("figure", "", "figure", text))
+    if rows[0]["section"] in NOTED:
+        shown.insert(1, ("what", "", "note", text))
     head = "".join(f'<th class="{k}">{h}</th>' if k else f"<th>{h}</th>" for h, k, _, _ in shown) + "<th>command</th>"
     body = []
     for r in rows:
@@ -196,7 +199,8 @@ def findings(sections):
 def main(argv=()):
     from . import figures, plots_of, scene
     folder = run.TOP / run.OUT
-    sections = {n: run.read_rows(folder / f"{n}.csv") for n in TITLES if (folder / f"{n}.csv").is_file()}
+    wanted = list(argv) or list(TITLES)
+    sections = {n: run.read_rows(folder / f"{n}.csv") for n in TITLES if n in wanted and (folder / f"{n}.csv").is_file()}
     if not sections:
         raise run.ReportError(f"{run.OUT}: expected a section's .csv, found none")
     panels = []

@@ -1,8 +1,11 @@
-"""The scene that the sweeps share: the demo's studio with its two spotlights, small, without the mirror ball.
+"""The two small scenes that the sweeps use, and what can be made of them.
 
-The mirror ball is left out because Radiance does not follow a lamp's light over a mirror to a matt surface in the reference, and
-because the few pixels in which it shows a lamp would outweigh all others.  All files lie under build/report/scene and
-name each other by paths from the project's top, so that every command works there.
+studio: the demo's room with its two spotlights, table and objects.  The mirror ball is left out because Radiance does not follow a
+lamp's light over a mirror to a matt surface in the reference, and because the few pixels in which it shows a lamp would outweigh
+all others.  dapples: figure 12's lamp behind a branch.  Meshes have flat facets: where interpolated normals lean far from their
+facets, blind rays and lamps do not agree in Radiance, with no light field at all.
+
+All files lie under build/report and name each other by paths from the project's top, so that every command works there.
 
     photo      the room with its lamps and the objects: what is true
     stage      the room without the objects: what a camera on the plane sees
@@ -15,16 +18,18 @@ from pathlib import Path
 from . import run
 from .run import OUT, PYTHON, TOP
 
-SCENES = "scenes/demo"
-HERE = f"{OUT}/scene"
 PLANE = "-.381 -.381 0  .762 0 0  0 .762 0"
-SIZE = tuple(int(x) for x in os.environ.get("REPORT_SIZE", "64x48").split("x"))
-VIEW = f"-vf {SCENES}/view.vf -x {SIZE[0]} -y {SIZE[1]} -ps 1 -pj 0 -w"
+SIZE = tuple(int(x) for x in os.environ.get("REPORT_SIZE", "96x72").split("x"))
 EXACT = "-as 0 -lw 1e-9 -ab 1 -aa 0"
-# what the camera sees of the room: lamps as sources, one bounce and a half cached
+# a light field's picture with little noise, for sweeps of everything but the renderer
+FINE = "-ab 2 -aa .1 -as 64 -ar 64 -di 128 -ad 1024"
+# what the camera sees of the room: lamps as sources, indirect light cached
 ROOM_LIGHT = "-ab 2 -aa .15 -ad 1024 -as 256 -ar 32 -ds .1 -dj .6 -dt 0 -dc 1"
-PHOTO_LIGHT = "-ab 2 -aa .12 -ad 1024 -as 256 -ar 64 -ds .03 -dj .8 -dt 0 -dc 1 -u+"
-MASK, PHOTO, PROBES = f"{HERE}/mask.hdr", f"{HERE}/photo.hdr", f"{OUT}/fields"
+# a lamp in the middles of its parts: Radiance divides a lamp into 64 at most, too few for jitter
+PHOTO_LIGHT = "-ab 2 -aa .12 -ad 1024 -as 256 -ar 64 -ds .03 -dj 0 -dt 0 -dc 1 -u+"
+MODELS = f"{OUT}/models"
+STATUE = (f"{PYTHON} scenes/models/statue.py --height .30 --cells 70 -o {MODELS}/statue.obj", "statue")
+BRANCH = (f"{PYTHON} scenes/models/branch.py --length .6 --leaf .08 --seed 1 -o {MODELS}/branch.obj", "branch")
 
 
 def written(path, text):
@@ -36,79 +41,105 @@ def written(path, text):
     return path
 
 
-def own(name, replace=(), without=()):
-    """A copy of one of the demo's scene files that names further files by their paths from the top."""
-    lines = [x for x in (TOP / SCENES / name).read_text().splitlines() if not any(w in x for w in without)]
-    text = "\n".join(lines) + "\n"
-    for a, b in replace:
-        text = text.replace(a, b)
-    return written(f"{HERE}/{name}", text)
-
-
-def parts():
-    lamp = [("spot.cal", f"{SCENES}/spot.cal")]
-    lamps = [own("lamp_yellow.rad", lamp), own("lamp_blue.rad", lamp)]
-    lights = own("lamps.rad", [(Path(p).name, p) for p in lamps])
-    objects = own("objects.rad", [("statue.rtm", f"{HERE}/statue.rtm")], ["mirror_ball", "chrome"])
-    return {"materials": f"{SCENES}/room_materials.rad", "room": f"{SCENES}/room.rad", "lamps": lights,
-            "table": f"{SCENES}/table.rad", "objects": objects, "mask": f"{SCENES}/mask_materials.rad"}
-
-
-def measured(image, reference, mask=MASK):
-    """The words that end a row's command: the picture on standard input against the reference."""
-    return f"{image} | {PYTHON} -m report measure --reference {reference} --mask {mask} -"
-
-
-def both(name, command):
+def both(name, command, label):
     """Two independent pictures by one command (with -u+, seeded by the second of the clock) and their mean as NAME.hdr."""
-    names = [f"{HERE}/{name}_{k}.hdr" if "/" not in name else f"{name}_{k}.hdr" for k in "ab"]
-    mean = f"{HERE}/{name}.hdr" if "/" not in name else f"{name}.hdr"
-    run.several([lambda n=n, k=k: run.run(command if k == 0 else f"sleep 1.5; {command}", n, f"reference {n}") for k, n in enumerate(names)])
-    run.run(f"pcomb -s .5 {names[0]} -s .5 {names[1]}", mean)
-    return mean, names
+    names = [f"{name}_{k}.hdr" for k in "ab"]
+    run.several([lambda n=n, k=k: run.run(command if k == 0 else f"sleep 1.5; {command}", n, f"{label}, half {k + 1}") for k, n in enumerate(names)])
+    run.run(f"pcomb -s .5 {names[0]} -s .5 {names[1]}", f"{name}.hdr")
+    return f"{name}.hdr", names
 
 
-def prepare():
-    """Makes everything that the sections share; returns the parts of the scene."""
-    p = parts()
-    run.run(f"{PYTHON} scenes/models/statue.py --height .30 --cells 70 -o {HERE}/statue.obj", f"{HERE}/statue.log", "the statue's mesh")
-    run.run(f"obj2mesh {HERE}/statue.obj", f"{HERE}/statue.rtm")
-    room = f"{p['materials']} {p['room']} {p['lamps']}"
-    run.run(f"oconv -f {room} {p['table']}", f"{HERE}/stage.oct")
-    run.run(f"oconv -f {room} {p['table']} {p['objects']}", f"{HERE}/photo.oct")
-    run.run(f"{{ cat {p['mask']}; xform -m mask_table {p['table']}; xform -m mask_objects {p['objects']}; }} | oconv -f -", f"{HERE}/mask.oct")
-    run.run(f"rpict {VIEW} -ab 0 {HERE}/mask.oct", MASK)
-    both("photo", f"rpict {VIEW} {PHOTO_LIGHT} {HERE}/photo.oct")
-    return p
+class Scene:
+    """folder of its files; room and lamps: the auxiliary geometry; hidden: what the camera sees but the rendering knows nothing of."""
 
+    def __init__(self, folder, view, room, lamps, objects, models, hidden=(), copies=(), without=()):
+        self.here, self.models, self.copies, self.without = f"{OUT}/{folder}", models, list(copies), list(without)
+        self.view = f"-vf {view} -x {SIZE[0]} -y {SIZE[1]} -ps 1 -pj 0 -w"
+        self.materials, self.table, self.masks = "scenes/demo/room_materials.rad", "scenes/demo/table.rad", "scenes/demo/mask_materials.rad"
+        self.room, self.hidden = room, list(hidden)
+        self.own_files = {}
+        for path in copies:         # first those that others name
+            self.own(path)
+        self.lamps, self.objects = self.own(lamps), self.own(objects)
+        self.hidden = [self.own(h) for h in hidden]
+        self.mask, self.photo = f"{self.here}/mask.hdr", f"{self.here}/photo.hdr"
 
-def surfaces(p):
-    """Auxiliary geometry that is the room itself."""
-    return f"xform -m light {p['room']} {p['lamps']}"
+    def own(self, path):
+        """A copy of a scene file in which further files have their paths from the top."""
+        text = "\n".join(x for x in (TOP / path).read_text().splitlines() if not any(w in x for w in self.without)) + "\n"
+        for name, whole in self.own_files.items():
+            text = text.replace(f" {name}", f" {whole}")
+        for _, name in self.models:
+            text = text.replace(f" {name}.rtm", f" {MODELS}/{name}.rtm")
+        text = text.replace(" spot.cal", " scenes/demo/spot.cal")
+        self.own_files[Path(path).name] = written(f"{self.here}/{Path(path).name}", text)
+        return self.own_files[Path(path).name]
 
+    def prepare(self):
+        """Makes what all sweeps of this scene share; returns the error of the photograph itself."""
+        for text, name in self.models:
+            run.run(text, f"{MODELS}/{name}.log", f"the mesh of the {name}")
+            run.run(f"sed '/^vn/d; s,//[0-9]*,,g' {MODELS}/{name}.obj > {MODELS}/{name}_flat.obj && obj2mesh {MODELS}/{name}_flat.obj {MODELS}/{name}.rtm",
+                    f"{MODELS}/{name}_mesh.log")
+        room = " ".join([self.materials, self.room, self.lamps, *self.hidden])
+        run.run(f"oconv -f {room} {self.table}", f"{self.here}/stage.oct")
+        run.run(f"oconv -f {room} {self.table} {self.objects}", f"{self.here}/photo.oct")
+        run.run(f"{{ cat {self.masks}; xform -m mask_table {self.table}; xform -m mask_objects {self.objects}; }} | oconv -f -", f"{self.here}/mask.oct")
+        run.run(f"rpict {self.view} -ab 0 {self.here}/mask.oct", self.mask)
+        _, halves = both(f"{self.here}/photo", f"rpict {self.view} {PHOTO_LIGHT} {self.here}/photo.oct", "photograph")
+        return self.split(halves)
 
-def lit(p, name, field, geometry=None, depth=True):
-    """An octree of table and objects in the light field `field`; geometry: shell text that writes surfaces of modifier `light`."""
-    head = written(f"{name}.rad", f"void ilf light\n{1 if depth else 2} {field}{'' if depth else ' nodepth'}\n0\n0\n")
-    text = f"{{ cat {p['materials']} {head}; {geometry or surfaces(p)}; cat {p['table']} {p['objects']}; }} | oconv -f -"
-    run.run(text, f"{name}.oct")
-    return f"{name}.oct"
+    def split(self, halves):
+        from . import measures
+        a, b, mask = (measures.compare.read_finite(TOP / f) for f in (*halves, self.mask))
+        return measures.split_error((a, b), mask)
 
+    def measured(self, image, reference):
+        """A row's command: the picture, and its error against the reference."""
+        return f"{image} | {PYTHON} -m report measure --reference {reference} --mask {self.mask} -"
 
-def grid(n, size, options="", name=None):
-    """Shell text that makes a light field of n x n ideal probes, and the file's name."""
-    name = name or f"{PROBES}/n{n}_{size[0]}x{size[1]}"
-    text = (f"{PYTHON} -m report probes --octree {HERE}/stage.oct --plane '{PLANE}' --grid {n}x{n} --size {size[0]}x{size[1]} {options} "
-            f"--render-options '{ROOM_LIGHT} -af {HERE}/stage.amb' -o {name} && {packed(name, n, f'{name}.ilf.exr')}")
-    return text, f"{name}.ilf.exr"
+    def surfaces(self):
+        """Auxiliary geometry that is the room itself."""
+        return f"xform -m light {self.room} {self.lamps}"
+
+    def lit(self, name, field, geometry=None, depth=True):
+        """Octree NAME.oct of table and objects in the light field; geometry: shell text that writes surfaces of modifier `light`."""
+        head = written(f"{name}.rad", f"void ilf light\n{1 if depth else 2} {field}{'' if depth else ' nodepth'}\n0\n0\n")
+        run.run(f"{{ cat {self.materials} {head}; {geometry or self.surfaces()}; cat {self.table} {self.objects}; }} | oconv -f -", f"{name}.oct")
+        return f"{name}.oct"
+
+    def field_text(self, n, size, name, options=""):
+        """Shell text that makes NAME.ilf.exr, n x n probes by rays, float."""
+        return (f"{PYTHON} -m report probes --octree {self.here}/stage.oct --plane '{PLANE}' --grid {n}x{n} --size {size[0]}x{size[1]} {options} "
+                f"--render-options '{ROOM_LIGHT} -af {self.here}/stage.amb' -o {name} && {packed(name, n, f'{name}.ilf.exr')}")
+
+    def field(self, n, size, options="", name=None):
+        name = name or f"{self.here}/n{n}_{size[0]}x{size[1]}"
+        run.run(self.field_text(n, size, name, options), f"{name}.log", f"light field {n}x{n} of {size[0]}x{size[1]}, by rays")
+        return f"{name}.ilf.exr"
+
+    def row(self, name, octree, options, reference, own, label=None, before="", **more):
+        """Renders NAME.hdr, measures it; the row of it.  before: shell text that makes the light field, for the row's command."""
+        from . import measures
+        command = f"rpict {self.view} {options} {octree}"
+        cost = run.run(command, f"{name}.hdr", label)
+        e = measures.of_files(TOP / f"{name}.hdr", TOP / reference, TOP / self.mask)
+        again = self.measured(command, reference)
+        return {"error": e["rmse"], "y": e["rmse"], "ssim": e["ssim"], "measure": measures.RMSE, "reference_error": own, "cpu_s": cost["cpu_s"],
+                "peak_mb": cost["peak_mb"], "command": f"{before} && {again}" if before else again, **more}
 
 
 def packed(folder, n, out, more="--type float"):
     return f"ilfpack --quiet --grid {n}x{n} --plane '{PLANE}' {more} -o {out} {folder}/p_*.exr"
 
 
-def field(n, size, options="", name=None):
-    """Makes that light field (its capture's cost beside it)."""
-    text, out = grid(n, size, options, name)
-    cost = run.run(text, f"{out.removesuffix('.ilf.exr')}.log", f"light field {n}x{n} of {size[0]}x{size[1]}, by rays")
-    return out, text, cost
+def studio():
+    d = "scenes/demo"
+    return Scene("studio", f"{d}/view.vf", f"{d}/room.rad", f"{d}/lamps.rad", f"{d}/objects.rad", [STATUE],
+                 copies=[f"{d}/lamp_yellow.rad", f"{d}/lamp_blue.rad"], without=["mirror_ball", "chrome"])
+
+
+def dapples():
+    d = "scenes/figure12"
+    return Scene("dapples", f"{d}/view.vf", "scenes/demo/room.rad", f"{d}/lamps.rad", f"{d}/objects.rad", [STATUE, BRANCH],
+                 hidden=[f"{d}/branch.rad"], copies=[f"{d}/lamp.rad", f"{d}/branch_up.rad"])

@@ -4,7 +4,7 @@ The light field is used without depth correction, because stock Radiance's color
 and their error is the renderer's own.  The reference is the mean of two long, independent pictures, and its error half of their
 difference.  The single probe has another limit; what it lacks is what the light field brings.
 """
-from . import measures, run, scene
+from . import run, scene
 from .run import OUT, PYTHON
 
 HERE = f"{OUT}/time"
@@ -19,22 +19,18 @@ WAYS = {"literal": "the paper's way: blind rays (-di 0)", "literal, cache": "bli
         "single probe": "one probe for the whole scene", "colordata": "stock Radiance: colordata on a glow"}
 
 
-def octrees(p):
-    field, _, _ = scene.field(GRID, PROBE)
-    middle = GRID // 2
-    one = f"{HERE}/single.ilf.exr"
-    run.run(f"{PYTHON} -m report coarser --only {middle},{middle} -o {HERE}/single {field} && "
-            f"ilfpack --quiet --grid 1x1 --plane '{scene.PLANE}' --type float -o {one} {HERE}/single/p_*.exr", f"{HERE}/single.log")
-    table = f"{HERE}/table"
-    cost = run.run(f"{PYTHON} -m report colordata -o {table} {field}", f"{HERE}/tables.log", "colordata tables")
-    del cost
+def octrees(s):
+    field = s.field(GRID, PROBE)
+    one, table = f"{HERE}/single.ilf.exr", f"{HERE}/table"
+    run.run(f"{PYTHON} -m report coarser --only {GRID // 2},{GRID // 2} -o {HERE}/single {field} && {scene.packed(f'{HERE}/single', 1, one)}", f"{HERE}/single.log")
+    run.run(f"{PYTHON} -m report colordata -o {table} {field}", f"{HERE}/tables.log", "colordata tables")
     glow = f"{HERE}/glow.oct"
-    run.run(f"{{ cat {p['materials']} {table}.rad; {scene.surfaces(p)}; cat {p['table']} {p['objects']}; }} | oconv -f -", glow)
-    return {"field": scene.lit(p, f"{HERE}/field", field, depth=False), "single": scene.lit(p, f"{HERE}/one", one, depth=False), "glow": glow}
+    run.run(f"{{ cat {s.materials} {table}.rad; {s.surfaces()}; cat {s.table} {s.objects}; }} | oconv -f -", glow)
+    return {"field": s.lit(f"{HERE}/field", field, depth=False), "single": s.lit(f"{HERE}/one", one, depth=False), "glow": glow}
 
 
 def plan(octree):
-    """[(way, x, options, octree)]."""
+    """[(way, n, options, octree)]."""
     jobs = [("literal", n, f"{scene.EXACT} -di 0 -ad {n}", octree["field"]) for n in LITERAL]
     jobs += [("literal, cache", n, f"{CACHE} -di 0 -ad {n}", octree["field"]) for n in (256, 1024, 4096)]
     jobs += [("-di", n, f"{scene.EXACT} -di {n} -ad {ad}", octree["field"]) for n, ad in AIMED]
@@ -44,25 +40,17 @@ def plan(octree):
     return jobs
 
 
-def one(way, n, options, octree, reference, own):
-    command = f"rpict {scene.VIEW} {options} {octree}"
+def one(s, way, n, options, octree, reference, own):
     name = f"{HERE}/{way.replace(', ', '_').replace(' ', '_').replace('-', '')}_{n}"
-    cost = run.run(command, f"{name}.hdr", f"time: {way} {n}")
-    e = measures.of_files(run.TOP / f"{name}.hdr", run.TOP / reference, run.TOP / scene.MASK)
-    return dict(figure="time", row=f"{way} {n}", x=cost["cpu_s"], y=e["rmse"], measure=measures.RMSE, error=e["rmse"], ssim=e["ssim"],
-                reference="long -di, mean of two", reference_error=own, cpu_s=cost["cpu_s"], peak_mb=cost["peak_mb"], note=WAYS[way],
-                command=scene.measured(command, reference))
+    r = s.row(name, octree, options, reference, own, f"time: {way} {n}", figure="time", row=f"{way} {n}", reference="mean of two long -di", note=WAYS[way])
+    return {**r, "x": r["cpu_s"]}
 
 
 def main(argv=()):
-    p = scene.prepare()
-    octree = octrees(p)
-    long = f"rpict {scene.VIEW} {scene.EXACT} -di 256 -ad 2048 -u+ {octree['field']}"
-    reference, halves = scene.both(f"{HERE}/reference", long)
-    read = [measures.compare.read_finite(run.TOP / h) for h in (*halves, scene.MASK)]
-    own = measures.split_error(read[:2], read[2])
+    s = scene.studio()
+    s.prepare()
+    octree = octrees(s)
+    reference, halves = scene.both(f"{HERE}/reference", f"rpict {s.view} {scene.EXACT} -di 512 -ad 4096 -u+ {octree['field']}", "time: reference")
+    own = s.split(halves)
     run.say(f"time: the reference's own error {own:.4f}")
-    rows = run.several([lambda j=j: one(*j, reference, own) for j in plan(octree)])
-    run.write_rows("time", rows)
-    for r in rows:
-        print(f"    {r['row']:22s} {r['cpu_s']:8.2f} CPU s  RMSE {r['error']:.4f}")
+    run.write_rows("time", run.several([lambda j=j: one(s, *j, reference, own) for j in plan(octree)]))
