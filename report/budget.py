@@ -101,20 +101,20 @@ def made(name, text, label):
 
 def light_fields(s):
     """{name: (file, text that makes it)}."""
-    master = s.field(MASTER, (192, 96))
+    master = s.field(MASTER, SIZE)
     f = {}
 
     def coarse(name, every, factor):
         n = (MASTER - 1) // every + 1
         text = f"{PYTHON} -m report coarser --every {every} --shrink {factor} -o {HERE}/{name} {master} && {scene.packed(f'{HERE}/{name}', n, f'{HERE}/{name}.ilf.exr')}"
         f[name] = made(f"{HERE}/{name}", text, name)
-    coarse("ideal", (MASTER - 1) // (N - 1), 2)
-    coarse("fine_grid", 1, 2)
-    coarse("fine_directions", (MASTER - 1) // (N - 1), 1)
+    coarse("ideal", (MASTER - 1) // (N - 1), 1)
+    coarse("fine_grid", 1, 1)
+    name = f"{HERE}/fine_directions"
+    f["fine_directions"] = made(name, s.field_text(N, (192, 96), name), "probes of 192x96")
     f["half"] = made(f"{HERE}/half", scene.packed(f"{HERE}/ideal", N, f"{HERE}/half.ilf.exr", "--type half"), "half texels")
     name = f"{HERE}/position"
-    f["position"] = made(name, s.field_text(N, (192, 96), f"{name}_fine", f"--jitter {JITTER} --seed 1") +
-                         f" && {PYTHON} -m report coarser --shrink 2 -o {name} {name}_fine.ilf.exr && {scene.packed(name, N, f'{name}.ilf.exr')}", "probes 1 mm off")
+    f["position"] = made(name, s.field_text(N, SIZE, name, f"--jitter {JITTER} --seed 1"), "probes 1 mm off")
     c = Chain(s, "camera")
     f["remap"] = made(c.folder, c.radiance() + c.remap(), "camera's radiance, remapped")
     c = Chain(s, "merged")

@@ -10,7 +10,7 @@ REPORT          := $(B0)/report
 REPORT_SECTIONS ?= figures time size storage budget depth grid
 REPORT_FIGURES  ?= figure10 figure11 figure12
 REPORT_JOBS     ?= $(shell nproc 2>/dev/null || echo 2)
-REPORT_SIZE     ?= 96x72
+REPORT_SIZE     ?= 64x48
 REPORT_FROM     := $(or $(FIG),$(B0)/figures)
 REPORT_READS    := $(if $(filter figures,$(REPORT_SECTIONS)),\
                      $(foreach f,$(REPORT_FIGURES),$(foreach p,photo with_room with_single mask,$(REPORT_FROM)/$(f)/$(p).hdr)))

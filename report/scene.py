@@ -19,7 +19,7 @@ from . import run
 from .run import OUT, PYTHON, TOP
 
 PLANE = "-.381 -.381 0  .762 0 0  0 .762 0"
-SIZE = tuple(int(x) for x in os.environ.get("REPORT_SIZE", "96x72").split("x"))
+SIZE = tuple(int(x) for x in os.environ.get("REPORT_SIZE", "64x48").split("x"))
 EXACT = "-as 0 -lw 1e-9 -ab 1 -aa 0"
 # a light field's picture with little noise, for sweeps of everything but the renderer
 FINE = "-ab 2 -aa .1 -as 64 -ar 64 -di 128 -ad 1024"
@@ -118,13 +118,13 @@ class Scene:
         run.run(self.field_text(n, size, name, options), f"{name}.log", f"light field {n}x{n} of {size[0]}x{size[1]}, by rays")
         return f"{name}.ilf.exr"
 
-    def row(self, name, octree, options, reference, own, label=None, before="", **more):
+    def row(self, name, octree, options, against, own, label=None, before="", **more):
         """Renders NAME.hdr, measures it; the row of it.  before: shell text that makes the light field, for the row's command."""
         from . import measures
         command = f"rpict {self.view} {options} {octree}"
         cost = run.run(command, f"{name}.hdr", label)
-        e = measures.of_files(TOP / f"{name}.hdr", TOP / reference, TOP / self.mask)
-        again = self.measured(command, reference)
+        e = measures.of_files(TOP / f"{name}.hdr", TOP / against, TOP / self.mask)
+        again = self.measured(command, against)
         return {"error": e["rmse"], "y": e["rmse"], "ssim": e["ssim"], "measure": measures.RMSE, "reference_error": own, "cpu_s": cost["cpu_s"],
                 "peak_mb": cost["peak_mb"], "command": f"{before} && {again}" if before else again, **more}
 

@@ -8,7 +8,7 @@ from .run import OUT
 
 HERE = f"{OUT}/grid"
 SIZE = (64, 32)
-GRIDS = (1, 4, 6, 8, 12, 18, 30)
+GRIDS = (1, 4, 6, 8, 12, 30)
 
 
 def main(argv=()):

@@ -7,8 +7,8 @@ from . import run, scene
 from .run import OUT, PYTHON
 
 HERE = f"{OUT}/size"
-GRID, PROBE = 13, (192, 96)
-EVERY, SHRINK = (1, 2, 3, 4, 6, 12), (1, 2, 4, 8, 16)
+GRID, PROBE = 13, (96, 48)
+EVERY, SHRINK = (1, 2, 3, 4, 6, 12), (2, 4, 8, 16)
 
 
 def coarser(master, every, factor):
@@ -31,5 +31,5 @@ def main(argv=()):
     s = scene.studio()
     own = s.prepare()
     master = s.field(GRID, PROBE)
-    jobs = [("positions", e, 2) for e in EVERY] + [("directions", 1, k) for k in SHRINK]
+    jobs = [("positions", e, 1) for e in EVERY] + [("directions", 1, k) for k in SHRINK]
     run.write_rows("size", run.several([lambda j=j: one(s, master, own, *j) for j in jobs]))

@@ -11,7 +11,7 @@ from . import fields, run, scene
 from .run import OUT, PYTHON
 
 HERE = f"{OUT}/storage"
-GRID, PROBE = 13, (192, 96)
+GRID, PROBE = 7, (96, 48)
 FORMS = [(t, c) for t in ("float", "half") for c in ("none", "rle", "zips", "zip", "piz", "pxr24", "b44", "b44a")]
 BASE = f"{HERE}/float_none"
 
