@@ -36,7 +36,7 @@ def cost(name, picture):
 def repeat(name, picture, log):
     """The rendering again, halved as the figure is, measured."""
     here = folder(name)
-    path = f"RAYPATH=$RAYPATH:scenes/{name}:scenes/studio:{here}"
+    path = f"RAYPATH=$RAYPATH:scenes/{name}:scenes/studio:{here}:{run.BUILD}/models"
     return (f"{path} {log.get('command', '')} | pfilt -1 -x /2 -y /2 | "
             f"{run.PYTHON} -m report measure --clipped --reference {here}/photo.hdr --mask {here}/mask.hdr -")
 

@@ -26,7 +26,7 @@ FINE = "-ab 2 -aa .1 -as 64 -ar 64 -di 128 -ad 1024"
 # what the camera sees of the room: lamps as sources, indirect light cached
 ROOM_LIGHT = "-ab 2 -aa .15 -ad 1024 -as 256 -ar 32 -ds .1 -dj .6 -dt 0 -dc 1"
 # a lamp in the middles of its parts: Radiance divides a lamp into 64 at most, too few for jitter
-PHOTO_LIGHT = "-ab 2 -aa .12 -ad 1024 -as 256 -ar 64 -ds .03 -dj 0 -dt 0 -dc 1 -u+"
+PHOTO_LIGHT = "-ab 2 -aa .2 -ad 512 -as 64 -ar 32 -ds .03 -dj 0 -dt 0 -dc 1 -u+"
 MODELS = f"{OUT}/models"
 STATUE = (f"{PYTHON} scenes/models/statue.py --height .30 --cells 70 -o {MODELS}/statue.obj", "statue")
 BRANCH = (f"{PYTHON} scenes/models/branch.py --length .6 --leaf .08 --seed 1 -o {MODELS}/branch.obj", "branch")
