@@ -50,12 +50,15 @@ $$(eval $$(call settings,$($(1)_OUT)/capture.settings,$($(1)_NU)x$($(1)_NV) on $
     $($(1)_LENS) $($(1)_CAMERA) --response $($(1)_RESPONSE) --falloff $($(1)_FALLOFF); $($(1)_LIGHT)))
 $$(eval $$(call settings,$($(1)_OUT)/probe.settings,$($(1)_PROBE)))
 
-# Indirect light of the room, once, from the middle of the plane; each node starts from a copy.
+# Indirect light of the room, once, from the plane's middle and corners; each node starts from a copy.
 $($(1)_OUT)/room.amb: $($(1)_STAGE) $($(1)_OUT)/capture.settings | $(call bins,virtualcamera rtrace)
 	@echo "  capture: indirect light of the room"
 	@rm -f $$@ $$@.part
-	@$$(ILF_ENV):$$($(1)_PATH) virtualcamera --quiet --octree $($(1)_STAGE) --plane "$($(1)_PLANE)" --grid 3x3 --node 1,1 \
-	    $($(1)_LENS) --size 128 --supersample 1 --render-options "$($(1)_LIGHT) -af $$@.part" -o $($(1)_OUT)/overture.exr
+	@for at in 1$(,)1 0$(,)0 2$(,)2 0$(,)2 2$(,)0; do \
+	    $$(ILF_ENV):$$($(1)_PATH) virtualcamera --quiet --octree $($(1)_STAGE) --plane "$($(1)_PLANE)" --grid 3x3 --node $$$$at \
+	        $($(1)_LENS) --size 160 --supersample 1 --render-options "$($(1)_LIGHT) -af $$@.part" -o $($(1)_OUT)/overture.exr; \
+	done
+	@rm -f $($(1)_OUT)/overture.exr
 	@mv $$@.part $$@
 
 $($(1)_OUT)/nodes/%/times.txt: $($(1)_OUT)/room.amb $($(1)_FALLOFF) | $(call bins,virtualcamera rtrace)

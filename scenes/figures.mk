@@ -16,11 +16,15 @@ FIG_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 sized     = $(if $(BIG),$(2),$(1))
 
 .PHONY: figures figures-run figures-clean
+# what a run took is written down even if it is stopped; one that finds everything made is not worth a line
 figures:
-	@mkdir -p $(FIG) && rm -f $(FIG)/.times && date +%s > $(FIG)/.started
-	+@times_log() { :; }; TIMEFORMAT='%R s, %U s + %S s of the CPU'; \
-	  { time $(MAKE) --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(FIG_JOBS)) figures-run; } 2>&1
-	@ls -1 $(FIG)/*.png $(FIG)/*/figure.png
+	@mkdir -p $(FIG)
+	+@trap 'times > $(FIG)/.times; awk -v wall=$$SECONDS -v size=$(SIZE) -v mb=$$(du -sm $(FIG) | cut -f1) -v day="$$(date "+%F %H:%M")" \
+	    "NR == 2 {split(\$$1, u, /[ms]/); split(\$$2, k, /[ms]/); cpu = 60 * (u[1] + k[1]) + u[2] + k[2]} \
+	     END {if (wall >= 5) printf \"%s  SIZE=%s  %d s, %.0f s of the CPU; %d MB on disk\\n\", day, size, wall, cpu, mb}" \
+	    $(FIG)/.times >> $(FIG)/figures.txt; rm -f $(FIG)/.times' EXIT; \
+	$(MAKE) --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(FIG_JOBS)) figures-run
+	@echo "The figures:"; ls -1 $(FIG)/*.png $(FIG)/*/figure.png | sed 's,^,  $(TOP)/,'; cat $(FIG)/figures.txt 2>/dev/null
 figures-run: $(foreach n,04 05 06 07,$(FIG)/figure$(n).png) $(foreach n,10 11 12,$(FIG)/figure$(n)/figure.png)
 figures-clean:
 	rm -rf $(FIG)
@@ -28,7 +32,7 @@ figures-clean:
 # 16 exposures from 1/16384 s to 2 s; at the small size every third of them, the same range
 TIMES_16   := 1/16384 1/8192 1/4096 1/2048 1/1024 1/512 1/256 1/128 1/64 1/32 1/16 1/8 1/4 1/2 1 2
 TIMES_6    := 1/16384 1/2048 1/256 1/32 1/4 2
-LIGHT_ROOM := -ab 2 -aa .15 -ad 1024 -as 256 -ar 48 -ds .05 -dj .6 -dt 0 -dc 1 -w
+LIGHT_ROOM := -ab 2 -aa .2 -ad 512 -as 128 -ar 48 -ds .1 -dj .6 -dt 0 -dc 1 -w
 STUDIO     := scenes/demo/room.rad
 FIG_PATH    = $(TOP)/scenes/$(1):$(TOP)/scenes/studio:$(TOP)/$(FIG)/$(1):$(TOP)/$(MODELS)
 
@@ -51,7 +55,7 @@ define fisheye_scene
 $(1)_NU       := $(call sized,$(2),30)
 $(1)_NV       := $(call sized,$(2),30)
 $(1)_PLANE    := -.381 -.381 0  .762 0 0  0 .762 0
-$(1)_CAMERA   := --size $(call sized,256,1024) --supersample 2 --refine $(call sized,12,8) --bits 8 --full-scale 1 --electrons 20000 --read-noise 8
+$(1)_CAMERA   := --size $(call sized,256,1024) --supersample 2 --refine 8 --bits 8 --full-scale 1 --electrons 20000 --read-noise 8
 $(1)_LENS     := --lens equidistant --fov 185
 $(1)_FALLOFF  := scenes/demo/lens_falloff.txt
 $(1)_CORRECT  := $(FIG)/falloff/measured.txt
@@ -77,15 +81,16 @@ $(FALLOFF)/measured.txt: $(FALLOFF_ANGLES:%=$(FALLOFF)/%.png) | $(call bins,fall
 	@$(ILF_ENV) falloffcal --quiet $(LENS_185) -o $@ $(foreach a,$(FALLOFF_ANGLES),$(FALLOFF)/$(a).png@$(a))
 
 # ---- figure 10: mirror spheres -------------------------------------------------------------------------
-$(eval $(call figure_scene,figure10,.04))
+$(eval $(call figure_scene,figure10,.05))
 figure10_NU       := 12
 figure10_NV       := 12
 figure10_PLANE    := -.1397 -.1397 0  .2794 0 0  0 .2794 0
 figure10_CAMERA_VIEW := -vtv -vp 0 0 3.5 -vd 0 0 -1 -vu 0 1 0 -vh 5.2 -vv 5.2 
-figure10_CORNERS  := auto
-figure10_PIXELS   := $(call sized,800,1440)
-figure10_RAYS     := 3
-figure10_LIGHT    := $(LIGHT_ROOM) -aa .2 -ad 512 -as 128 -ds .1 -dt .05 -st 0 -lr 10 -lw 1e-3
+# as a person outlines the four corner spheres, to the pixel
+figure10_CORNERS  := "$(subst _,$(,),$(call sized,63_961_41 961_961_41 961_63_41 63_63_41,88_1352_57 1352_1352_57 1352_88_57 88_88_57))"
+figure10_PIXELS   := $(call sized,1024,1440)
+figure10_RAYS     := $(call sized,2,3)
+figure10_LIGHT    := -ab 2 -aa .2 -ad 256 -as 64 -ar 128 -ds .1 -dj .5 -dt .05 -dc 1 -w -st 0 -lr 10 -lw 1e-3
 figure10_ARRAY    := --camera-distance 3.50635 --diameter .0254 --reflectance .95,.95,.95
 figure10_PROBE    := $(call sized,128x64,192x96)
 figure10_SINGLE   := 6_6
@@ -132,3 +137,32 @@ endef
 $(eval $(call compared,figure10,Figure 10: two spotlights$(,) captured with 12 × 12 mirror spheres,12 × 12 mirror spheres,the middle sphere))
 $(eval $(call compared,figure11,Figure 11: a yellow spotlight and a blue light behind a card,$(figure11_NU) × $(figure11_NV) probes,from the blue light))
 $(eval $(call compared,figure12,Figure 12: dappled light under a branch,$(figure12_NU) × $(figure12_NV) probes,the middle one))
+
+# ---- figures 4 to 7 --------------------------------------------------------------------------------------
+$(FIG)/figure04.png: $(FIG)/figure10/room.mosaic.png $(FIG)/figure10/spheres.exr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+	@$(PY) scenes/compare.py --title "Figure 4: an array of 12 × 12 mirror spheres$(,) and the light field from it" \
+	    --show "Photograph|$(words $(figure10_TIMES)) exposures merged$(,) 1/16384 s to 2 s=$(FIG)/figure10/spheres.exr@3" \
+	    --show "The spheres found|circles drawn by fishremap --overlay=$(FIG)/figure10/overlay.png" \
+	    --show "The light field|each rectangle is one sphere's hemisphere as a map$(,) pole in its top row=$(FIG)/figure10/room.mosaic.png" -o $@
+
+# all sixteen exposures of one place, the middle of figure 11's table
+SERIES := $(FIG)/exposures
+$(SERIES)/times.txt: $(figure11_STAGE) $(FIG)/figure11/room.amb scenes/figures.mk | $(call bins,virtualcamera rtrace)
+	@echo "  capture: 16 exposures of one place"
+	@rm -rf $(@D) && mkdir -p $(@D) && cp $(FIG)/figure11/room.amb $(@D)/room.amb
+	@k=10; for t in $(TIMES_16); do \
+	    $(ILF_ENV):$(figure11_PATH) virtualcamera --quiet --octree $(figure11_STAGE) --plane "$(figure11_PLANE)" --grid 3x3 --node 1,1 \
+	        --seconds $$t $(LENS_185) $(figure11_CAMERA) --falloff $(figure11_FALLOFF) --response srgb --cache $(@D) \
+	        --render-options "$(LIGHT_ROOM) -af $(@D)/room.amb" -o $(@D)/e$$k.png; \
+	    echo "e$$k.png $$t"; k=$$((k + 1)); \
+	done > $@.part
+	@rm -f $(@D)/*.pfm $(@D)/room.amb
+	@mv $@.part $@
+$(FIG)/figure05.png: $(SERIES)/times.txt scenes/plots.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+	@$(PY) scenes/plots.py strip --times $< --title "Figure 5: sixteen exposures of one place$(,) by the virtual fisheye" -o $@
+$(FIG)/figure06.png: $(FALLOFF)/measured.txt scenes/plots.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+	@$(PY) scenes/plots.py falloff --measured $< --true scenes/demo/lens_falloff.txt \
+	    --title "Figure 6: the lens's falloff$(,) measured with one source at $(words $(FALLOFF_ANGLES)) angles" -o $@
+$(FIG)/figure07.png: $(FIG)/figure12/room.mosaic.png scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+	@$(PY) scenes/compare.py --title "Figure 7: high-fidelity light field" \
+	    --show "$(figure12_NU) × $(figure12_NV) probes of $(figure12_PROBE)|the dappled light of figure 12=$<" -o $@
