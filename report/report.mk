@@ -26,3 +26,8 @@ $(REPORT)/index.html: $(REPORT)/settings $(wildcard report/*.py) $(REPORT_SCENES
 		$(PY) -m report all $(REPORT_SECTIONS)
 report-clean:
 	rm -rf $(REPORT)
+
+#? report-check  run the report's shorter commands again and compare what they print with its table
+.PHONY: report-check
+report-check: $(REPORT)/index.html
+	@ILF_BUILD=$(B) $(PY) -m report check

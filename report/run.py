@@ -66,7 +66,7 @@ def fresh(command, out, log):
 
 def run(command, out, label=None):
     """Runs `command` with its standard output to `out` (path from the top) unless that is done; returns its cost."""
-    path, log = TOP / out, TOP / f"{os.path.splitext(out)[0]}.json"
+    path, log = TOP / out, TOP / f"{out}.json"
     if not fresh(command, path, log):
         path.parent.mkdir(parents=True, exist_ok=True)
         simple = not re.search(r"[|;&<>$\n*()]", command)

@@ -5,7 +5,7 @@ from . import run
 
 SECTIONS = {"figures": "figures", "time": "sweep_time", "size": "sweep_size", "storage": "sweep_storage", "budget": "budget", "depth": "sweep_depth",
             "grid": "sweep_grid"}
-TOOLS = {"colordata": "colordata", "texels": "texels", "page": "page"}
+TOOLS = {"colordata": "colordata", "texels": "texels", "page": "page", "check": "check"}
 
 
 def call(module):

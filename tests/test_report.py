@@ -227,7 +227,7 @@ def test_a_command_runs_once(monkeypatch, tmp_path):
     assert cost["cpu_s"] >= 0 and cost["peak_mb"] > 0 and (tmp_path / "build/report/out.txt").read_text() == "1\n"
     runner.run(text, "build/report/out.txt")
     assert times() == 1
-    later = (tmp_path / "build/report/out.json").stat().st_mtime + 10
+    later = (tmp_path / "build/report/out.txt.json").stat().st_mtime + 10
     os.utime(given, (later, later))                # an input that is younger
     runner.run(text, "build/report/out.txt")
     assert times() == 2
