@@ -259,7 +259,7 @@ def show(a):
         image = as_shown(path, float(factor or 1))
         head, _, rest = label.partition("|")
         columns.append((head, image, [s for s in rest.split("|") if s]))
-    panels(columns, [], a.title, a.output)
+    panels(columns, [], a.title, a.output, pane=a.pane)
 
 
 def main():
@@ -271,6 +271,7 @@ def main():
     ap.add_argument("--extra", type=labelled, metavar="LABEL=FILE", help="a further picture, below the reference")
     ap.add_argument("--show", type=labelled, action="append", default=[], metavar="LABEL=FILE[@FACTOR]",
                     help="only show, FACTOR times as bright as it would be; LABEL may go on with |lines")
+    ap.add_argument("--pane", type=int, default=420, help="width of each picture shown with --show, pixels (420)")
     ap.add_argument("--title", default="", help="heading of the figure")
     ap.add_argument("--quiet", action="store_true", help="print nothing")
     ap.add_argument("-o", "--output", required=True, metavar="PNG")

@@ -25,7 +25,7 @@ figures:
 	    $(FIG)/.times >> $(FIG)/figures.txt; rm -f $(FIG)/.times' EXIT; \
 	$(MAKE) --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(FIG_JOBS)) figures-run
 	@echo "The figures:"; ls -1 $(FIG)/*.png $(FIG)/*/figure.png | sed 's,^,  $(TOP)/,'; cat $(FIG)/figures.txt 2>/dev/null
-figures-run: $(foreach n,04 05 06 07,$(FIG)/figure$(n).png) $(foreach n,10 11 12,$(FIG)/figure$(n)/figure.png)
+figures-run: $(foreach n,04 05 06 07,$(FIG)/figure$(n).png) $(foreach n,10 11 12,$(FIG)/figure$(n)/figure.png $(FIG)/figure$(n)/shift.csv)
 figures-clean:
 	rm -rf $(FIG)
 
@@ -70,13 +70,15 @@ endef
 FALLOFF        := $(FIG)/falloff
 FALLOFF_ANGLES := $(shell seq 0 4.5 90)
 LENS_185       := --lens equidistant --fov 185
-$(FALLOFF)/%.png: scenes/figures.mk scenes/demo/lens_falloff.txt | $(call bins,virtualcamera rtrace oconv xform)
+FALLOFF_CAMERA := $(LENS_185) --size 512 --bits 8 --full-scale 1 --electrons 20000 --read-noise 8 --response srgb
+FALLOFF_SOURCE := ring disc 0 0 8  0 0 1  0 0 -1  0 .035
+$(eval $(call settings,$(FALLOFF)/capture.settings,$(FALLOFF_CAMERA); $(FALLOFF_SOURCE)))
+$(FALLOFF)/%.png: $(FALLOFF)/capture.settings scenes/demo/lens_falloff.txt | $(call bins,virtualcamera rtrace oconv xform)
 	@mkdir -p $(@D)
-	@{ printf 'void glow lamp 0 0 4 .8 .8 .8 0\n'; echo 'lamp ring disc 0 0 8 0 0 1 0 0 -1 0 .035' | $(ILF_ENV) xform -ry $*; } \
+	@{ printf 'void glow lamp 0 0 4 .8 .8 .8 0\n'; echo 'lamp $(FALLOFF_SOURCE)' | $(ILF_ENV) xform -ry $*; } \
 	    | $(ILF_ENV) oconv -f - > $(FALLOFF)/$*.oct
 	@$(ILF_ENV) virtualcamera --quiet --octree $(FALLOFF)/$*.oct --plane "-.5 -.5 0  1 0 0  0 1 0" --grid 1x1 --node 0,0 --seconds 1 \
-	    $(LENS_185) --size 512 --bits 8 --full-scale 1 --electrons 20000 --read-noise 8 --falloff scenes/demo/lens_falloff.txt \
-	    --response srgb --render-options "-ab 0" -o $@
+	    $(FALLOFF_CAMERA) --falloff scenes/demo/lens_falloff.txt --render-options "-ab 0" -o $@
 $(FALLOFF)/measured.txt: $(FALLOFF_ANGLES:%=$(FALLOFF)/%.png) | $(call bins,falloffcal)
 	@$(ILF_ENV) falloffcal --quiet $(LENS_185) -o $@ $(foreach a,$(FALLOFF_ANGLES),$(FALLOFF)/$(a).png@$(a))
 
@@ -103,8 +105,8 @@ $(eval $(call light_field_pictures,figure10))
 
 # ---- figure 11: two lamps and a card -------------------------------------------------------------------
 $(eval $(call figure_scene,figure11,.02))
-$(eval $(call fisheye_scene,figure11,10))
-figure11_SINGLE   := $(call sized,1_5,3_16)
+$(eval $(call fisheye_scene,figure11,8))
+figure11_SINGLE   := $(call sized,1_4,4_16)
 figure11_ROOM     := $(STUDIO) scenes/figure11/lamps.rad
 figure11_READS    := scenes/figure11/lamp_yellow.rad scenes/figure11/lamp_blue.rad scenes/studio/profile.cal $(MODELS)/statue.rtm
 $(eval $(call light_field,figure11))
@@ -133,6 +135,9 @@ $(FIG)/$(1)/figure.png: $(FIG)/$(1)/photo.hdr $(FIG)/$(1)/with_room.hdr $(FIG)/$
 	    --picture "(b) Incident light field$(,) $(3)=$(FIG)/$(1)/with_room.hdr" \
 	    --picture "(c) Single probe$(,) $(4)=$(FIG)/$(1)/with_single.hdr" --mask $(FIG)/$(1)/mask.hdr --title "$(2)" \
 	    --extra "the light field: each rectangle a probe=$(FIG)/$(1)/room.mosaic.png" --csv $(FIG)/$(1)/errors.csv -o $$@
+$(FIG)/$(1)/shift.csv: $(FIG)/$(1)/photo.hdr $(FIG)/$(1)/with_room.hdr $(FIG)/$(1)/mask.hdr scenes/shift.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+	@$(PY) scenes/shift.py --reference $(FIG)/$(1)/photo.hdr --mask $(FIG)/$(1)/mask.hdr \
+	    --picture "Incident light field=$(FIG)/$(1)/with_room.hdr" -o $$@
 endef
 $(eval $(call compared,figure10,Figure 10: two spotlights$(,) captured with 12 × 12 mirror spheres,12 × 12 mirror spheres,the middle sphere))
 $(eval $(call compared,figure11,Figure 11: a yellow spotlight and a blue light behind a card,$(figure11_NU) × $(figure11_NV) probes,from the blue light))
@@ -140,14 +145,14 @@ $(eval $(call compared,figure12,Figure 12: dappled light under a branch,$(figure
 
 # ---- figures 4 to 7 --------------------------------------------------------------------------------------
 $(FIG)/figure04.png: $(FIG)/figure10/room.mosaic.png $(FIG)/figure10/spheres.exr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
-	@$(PY) scenes/compare.py --title "Figure 4: an array of 12 × 12 mirror spheres$(,) and the light field from it" \
+	@$(PY) scenes/compare.py --pane 520 --title "Figure 4: an array of 12 × 12 mirror spheres$(,) and the light field from it" \
 	    --show "Photograph|$(words $(figure10_TIMES)) exposures merged$(,) 1/16384 s to 2 s=$(FIG)/figure10/spheres.exr@3" \
 	    --show "The spheres found|circles drawn by fishremap --overlay=$(FIG)/figure10/overlay.png" \
 	    --show "The light field|each rectangle is one sphere's hemisphere as a map$(,) pole in its top row=$(FIG)/figure10/room.mosaic.png" -o $@
 
 # all sixteen exposures of one place, the middle of figure 11's table
 SERIES := $(FIG)/exposures
-$(SERIES)/times.txt: $(figure11_STAGE) $(FIG)/figure11/room.amb scenes/figures.mk | $(call bins,virtualcamera rtrace)
+$(SERIES)/times.txt: $(figure11_STAGE) $(FIG)/figure11/room.amb | $(call bins,virtualcamera rtrace)
 	@echo "  capture: 16 exposures of one place"
 	@rm -rf $(@D) && mkdir -p $(@D) && cp $(FIG)/figure11/room.amb $(@D)/room.amb
 	@k=10; for t in $(TIMES_16); do \
@@ -164,5 +169,5 @@ $(FIG)/figure06.png: $(FALLOFF)/measured.txt scenes/plots.py scenes/compare.py s
 	@$(PY) scenes/plots.py falloff --measured $< --true scenes/demo/lens_falloff.txt \
 	    --title "Figure 6: the lens's falloff$(,) measured with one source at $(words $(FALLOFF_ANGLES)) angles" -o $@
 $(FIG)/figure07.png: $(FIG)/figure12/room.mosaic.png scenes/compare.py scenes/pictures.py | $(VENV)/.packages
-	@$(PY) scenes/compare.py --title "Figure 7: high-fidelity light field" \
+	@$(PY) scenes/compare.py --pane 1200 --title "Figure 7: high-fidelity light field" \
 	    --show "$(figure12_NU) × $(figure12_NV) probes of $(figure12_PROBE)|the dappled light of figure 12=$<" -o $@

@@ -1,5 +1,6 @@
 """What the figures are made with: generators, the array's camera, one probe, the profile spotlight, the shift between pictures,
 and the whole chain of figures 10 and 11 at a thumbnail's size."""
+import os
 import subprocess
 import sys
 
@@ -246,3 +247,46 @@ def test_falloff_file_of_our_own_is_read(tmp_path):
     assert list(angle) == [0, 90] and value.tolist() == [[1, 1, 1], [0.5, 0.25, 0.125]]
     at, read = plots.readings(str(tmp_path / "f.txt"))
     assert list(at) == [10] and read.tolist() == [[0.9, 0.8, 0.7]]
+
+
+# ---- the whole chain, thumbnail ---------------------------------------------------------------------------------------------
+THUMBNAIL = ["figure11_NU=3", "figure11_NV=3", "figure11_TIMES=1/16384 1/512 1/16 2", "figure11_PROBE=64x32", "figure11_SINGLE=0_1",
+             "figure11_CAMERA=--size 128 --supersample 2 --refine 8 --bits 8 --full-scale 1", "figure11_CORRECT=scenes/demo/lens_falloff.txt",
+             "figure11_LIGHT=-ab 0 -av .05 .05 .05 -ds .2 -w", "figure11_RES=-x 64 -y 48", "figure11_LIGHT_photo=-ab 0 -ds .1"]
+
+
+def test_figure_11_as_a_thumbnail(tmp_path):
+    """At a node the light field has the light of the room: the irradiance there is the room's own, the blue lamp is seen where it
+    stands.  A second make makes nothing."""
+    fig = os.path.relpath(tmp_path, TOP)
+    out = tmp_path / "figure11"
+    goals = ("room.ilf.exr", "single.ilf.exr", "photo.oct", "with_room.oct", "with_single.oct", "photo.hdr", "mask.hdr")
+    env = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
+
+    def make():
+        p = subprocess.run(["make", "--no-print-directory", f"FIG={fig}", *THUMBNAIL, *(f"{fig}/figure11/{f}" for f in goals)], cwd=TOP,
+                           env=env, capture_output=True, text=True, timeout=600)
+        assert p.returncode == 0, p.stdout + p.stderr
+    make()
+    assert (out / "photo.json").stat().st_size > 0
+    # the blue lamp, from node (0, 1) at (-.381, 0, 0)
+    probe = pictures.read(out / "nodes/0_1/probe.exr")
+    y, x = np.unravel_index(probe[..., 2].argmax(), probe.shape[:2])
+    theta, phi = -np.pi + (x + 0.5) * 2 * np.pi / 64, (y + 0.5) * np.pi / 2 / 32
+    d = np.array([np.sin(phi) * np.cos(theta), np.sin(phi) * np.sin(theta), np.cos(phi)])
+    to = np.array([0.90 + 0.381, 0.15, 1.30])
+    assert np.degrees(np.arccos(d @ to / np.linalg.norm(to))) < 4                      # a texel is 5.6 by 2.8 degrees
+    # irradiance at two nodes, in the room itself and in its light field: the yellow spotlight, the blue lamp
+    scene = run("xform", "-m", "room_light", SCENES / "demo/room.rad", SCENES / "figure11/lamps.rad", env=scene_environment()).text
+    inside = oconv(tmp_path / "inside.oct", text=f"void ilf room_light\n1 {out}/room.ilf.exr\n0\n0\n" + (SCENES / "demo/room_materials.rad").read_text() + scene)
+    ask = "0 0 0 0 0 1\n-.381 0 0 0 0 1\n"
+    found = {}
+    for name, octree, options in (("room", out / "stage.oct", ("-ds", .02, "-av", .05, .05, .05)), ("field", inside, ("-di", 256))):
+        text = run("rtrace", "-h", "-w", "-I", "-ab", 1, "-aa", 0, "-ad", 2048, *options, octree, stdin=ask, env=scene_environment()).text
+        found[name] = np.array([[float(v) for v in line.split()] for line in text.splitlines() if line.strip()])
+    # The lamps are 6 and 14 pixels of the camera: their outlines cost 1 to 2 %, the shortest exposure's electrons 1 %, its 8 bits 1 %, the
+    # samples of the renderings 1 to 2 %.
+    assert found["field"] == pytest.approx(found["room"], rel=0.05)
+    stamps = {p: p.stat().st_mtime_ns for p in out.rglob("*") if p.is_file()}
+    make()
+    assert stamps == {p: p.stat().st_mtime_ns for p in out.rglob("*") if p.is_file()}
