@@ -23,7 +23,7 @@ from .run import OUT, PYTHON
 HERE = f"{OUT}/budget"
 N, MASTER, SIZE = 5, 13, (96, 48)
 CAMERA = "--lens equidistant --fov 185"
-PIXELS = "--size 192 --supersample 2 --refine 8"
+PIXELS = "--size 128 --supersample 2 --refine 8"
 NOISY = "--bits 8 --response srgb --full-scale 1 --electrons 20000 --read-noise 8"
 CLEAN = "--bits 16 --response linear --full-scale 1 --no-noise"
 TIMES, TIMES_CLEAN = "1/1024 1/128 1/16 1/2 4 32", "1/1024 1/32 1 32"
@@ -57,7 +57,7 @@ class Chain:
     def __init__(self, s, name, jitter=0):
         self.s, self.folder, self.jitter = s, f"{HERE}/{name}", jitter
         self.cache = f"{HERE}/cache"
-        self.amb = f"{HERE}/room.amb"
+        self.amb = f"{s.here}/stage.amb"     # the probes by rays start from the same indirect light
 
     def camera(self, more):
         return (f"virtualcamera --quiet --octree {self.s.here}/stage.oct --plane '{scene.PLANE}' $p {CAMERA} {PIXELS} {more} --cache {self.cache} "
@@ -82,9 +82,8 @@ class Chain:
                 f"{self.folder}/??_??.exr && {scene.packed(name + '_probes', N, name + '.ilf.exr', '--type ' + kind)}")
 
 
-def calibration(s):
+def calibration():
     """The lens's falloff, measured as the paper does: a disc of constant radiance at twenty-one angles."""
-    del s
     here = f"{HERE}/falloff"
     return (f"mkdir -p {here}; for a in $(seq 0 4.5 90); do "
             f"{{ printf 'void glow lamp\\n0\\n0\\n4 .8 .8 .8 0\\n'; echo 'lamp ring disc 0 0 8 0 0 1 0 0 -1 0 .035' | xform -ry $a; }} | oconv - > {here}/$a.oct; "
@@ -93,47 +92,46 @@ def calibration(s):
             f"falloffcal --quiet {CAMERA} -o {MEASURED} $(for a in $(seq 0 4.5 90); do echo {here}/$a.png@$a; done)")
 
 
-def made(name, text, label):
-    """A light field by its text; name is without .ilf.exr."""
-    run.run(text, f"{name}.log", f"budget: {label}")
-    return f"{name}.ilf.exr", text
-
-
 def light_fields(s):
-    """{name: (file, text that makes it)}."""
+    """{name: (file, text that makes it)}.  Two at a time; what one needs of another (the camera's cache, the measured curve) is made before."""
     master = s.field(MASTER, SIZE)
-    f = {}
+    found = {}
 
-    def coarse(name, every, factor):
-        n = (MASTER - 1) // every + 1
-        text = f"{PYTHON} -m report coarser --every {every} --shrink {factor} -o {HERE}/{name} {master} && {scene.packed(f'{HERE}/{name}', n, f'{HERE}/{name}.ilf.exr')}"
-        f[name] = made(f"{HERE}/{name}", text, name)
-    coarse("ideal", (MASTER - 1) // (N - 1), 1)
-    coarse("fine_grid", 1, 1)
-    name = f"{HERE}/fine_directions"
-    f["fine_directions"] = made(name, s.field_text(N, (192, 96), name), "probes of 192x96")
-    f["half"] = made(f"{HERE}/half", scene.packed(f"{HERE}/ideal", N, f"{HERE}/half.ilf.exr", "--type half"), "half texels")
-    name = f"{HERE}/position"
-    f["position"] = made(name, s.field_text(N, SIZE, name, f"--jitter {JITTER} --seed 1"), "probes 1 mm off")
-    c = Chain(s, "camera")
-    f["remap"] = made(c.folder, c.radiance() + c.remap(), "camera's radiance, remapped")
-    c = Chain(s, "merged")
-    f["merge"] = made(c.folder, c.exposures(NOISY, TIMES, "srgb") + c.remap(), "six noisy exposures, merged, remapped")
-    curve = calibration(s)
+    def made(key, name, text, label, before=""):
+        """A light field NAME.ilf.exr by its text; `before` makes what it needs and is part of the row's command only."""
+        run.run(text, f"{name}.log", f"budget: {label}")
+        found[key] = (f"{name}.ilf.exr", f"{before}{text}")
+
+    def coarse(key, every):
+        n, name = (MASTER - 1) // every + 1, f"{HERE}/{key}"
+        made(key, name, f"{PYTHON} -m report coarser --every {every} -o {name} {master} && {scene.packed(name, n, f'{name}.ilf.exr')}", key)
+
+    def rays(key, size, options, label):
+        made(key, f"{HERE}/{key}", s.field_text(N, size, f"{HERE}/{key}", options), label)
+    camera, merged, clean, whole = Chain(s, "camera"), Chain(s, "merged"), Chain(s, "clean"), Chain(s, "whole", JITTER)
+    curve = calibration()
     run.run(curve, f"{HERE}/falloff.log", "budget: falloff, measured at 21 angles")
-    c = Chain(s, "clean")
-    series = c.exposures(f"{CLEAN} --falloff {TRUE}", TIMES_CLEAN, "linear")
-    f["true_falloff"] = made(f"{HERE}/clean_true", series + c.remap(TRUE, f"{HERE}/clean_true"), "clean exposures, the lens's true falloff")
-    f["falloff"] = made(f"{HERE}/clean_measured", f"{curve}; {series}" + c.remap(MEASURED, f"{HERE}/clean_measured"), "the measured falloff")
-    f["no_falloff"] = made(f"{HERE}/clean_none", series + c.remap("", f"{HERE}/clean_none"), "no correction of the falloff")
-    c = Chain(s, "whole", JITTER)
-    f["whole"] = made(c.folder, f"{curve}; {c.exposures(f'{NOISY} --falloff {TRUE}', TIMES, 'srgb')}{c.remap(MEASURED, kind='half')}", "the whole chain")
-    return f
+    coarse("ideal", (MASTER - 1) // (N - 1))
+    coarse("fine_grid", 1)
+    made("half", f"{HERE}/half", scene.packed(f"{HERE}/ideal", N, f"{HERE}/half.ilf.exr", "--type half"), "half texels")
+    run.several([
+        lambda: made("whole", whole.folder, f"{whole.exposures(f'{NOISY} --falloff {TRUE}', TIMES, 'srgb')}{whole.remap(MEASURED, kind='half')}",
+                     "the whole chain", f"{curve}; "),
+        lambda: made("remap", camera.folder, camera.radiance() + camera.remap(), "camera's radiance, remapped"),
+        lambda: rays("fine_directions", (192, 96), "", "probes of 192x96"),
+        lambda: rays("position", SIZE, f"--jitter {JITTER} --seed 1", "probes 1 mm off")])
+    series = clean.exposures(f"{CLEAN} --falloff {TRUE}", TIMES_CLEAN, "linear")
+    run.several([
+        lambda: made("merge", merged.folder, merged.exposures(NOISY, TIMES, "srgb") + merged.remap(), "six noisy exposures, merged, remapped"),
+        lambda: made("true_falloff", f"{HERE}/clean_true", series + clean.remap(TRUE, f"{HERE}/clean_true"), "clean exposures, the lens's true falloff")])
+    made("falloff", f"{HERE}/clean_measured", clean.remap(MEASURED, f"{HERE}/clean_measured"), "the measured falloff", f"{curve}; {series}")
+    made("no_falloff", f"{HERE}/clean_none", clean.remap("", f"{HERE}/clean_none"), "no correction of the falloff", series)
+    return found
 
 
 # stage, light field, the one it differs from, what is switched on
 STAGES = (("merge", "merge", "remap", "6 exposures, 8 bits, photon and read noise, hdrgen"),
-          ("remap", "remap", "ideal", "fisheye of 192 pixels through fishremap to 96x48"),
+          ("remap", "remap", "ideal", "fisheye of 128 pixels through fishremap to 96x48"),
           ("falloff", "falloff", "true_falloff", "falloff as measured by falloffcal"),
           ("falloff not corrected", "no_falloff", "true_falloff", "what leaving the calibration out would cost"),
           ("position, 1 mm", "position", "ideal", "probes 1 mm off along u and v"),

@@ -24,8 +24,8 @@ FAR = 1e9
 
 def geometries(s):
     found = [("nodepth", "no correction", None)]
-    found += [(f"sphere of {r:g} m", "spheres", f"echo light sphere aux 0 0 4 0 0 0 {r:g}") for r in (12, 6, 4, 3, 2.4, 2, 1.6)]
-    found += [(f"room x {k:g}", "boxes", f"xform -m light -t 0 0 -.55 -s {k:g} -t 0 0 .55 {s.room}") for k in (2, 1.5, 1.25)]
+    found += [(f"sphere of {r:g} m", "spheres", f"echo light sphere aux 0 0 4 0 0 0 {r:g}") for r in (12, 4, 3, 2.4, 2)]
+    found += [(f"room x {k:g}", "boxes", f"xform -m light -t 0 0 -.55 -s {k:g} -t 0 0 .55 {s.room}") for k in (1.5, 1.25)]
     return found + [("room, no lamps", "boxes", f"xform -m light {s.room}"), ("the true room", "true geometry", s.surfaces())]
 
 
