@@ -13,6 +13,7 @@ All files lie under build/report and name each other by paths from the project's
     lit(...)   the objects in a light field, on auxiliary geometry of one's choice
 """
 import os
+import subprocess
 from pathlib import Path
 
 from . import run
@@ -65,15 +66,25 @@ class Scene:
         self.mask, self.photo = f"{self.here}/mask.hdr", f"{self.here}/photo.hdr"
 
     def own(self, path):
-        """A copy of a scene file in which further files have their paths from the top."""
+        """A copy of a scene file in which further files have their paths from the top, and commands are carried out: xform, given
+        a file with commands, looks for their files elsewhere."""
         text = "\n".join(x for x in (TOP / path).read_text().splitlines() if not any(w in x for w in self.without)) + "\n"
         for name, whole in self.own_files.items():
             text = text.replace(f" {name}", f" {whole}")
         for _, name in self.models:
             text = text.replace(f" {name}.rtm", f" {MODELS}/{name}.rtm")
-        text = text.replace(" spot.cal", " scenes/demo/spot.cal")
+        for path_of in ("scenes/demo/spot.cal", "scenes/studio/profile.cal"):
+            text = text.replace(f" {Path(path_of).name}", f" {path_of}").replace(f"\n{Path(path_of).name}", f"\n{path_of}")
+        text = "".join(self.output(x[1:]) if x.startswith("!") else x + "\n" for x in text.splitlines())
         self.own_files[Path(path).name] = written(f"{self.here}/{Path(path).name}", text)
         return self.own_files[Path(path).name]
+
+    @staticmethod
+    def output(command):
+        p = subprocess.run(["bash", "-euo", "pipefail", "-c", command], cwd=TOP, env=run.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        if p.returncode or "cannot find" in p.stderr:
+            raise run.ReportError(f"expected a scene from {command}, found: {p.stderr.strip()}")
+        return p.stdout
 
     def prepare(self):
         """Makes what all sweeps of this scene share; returns the error of the photograph itself."""
