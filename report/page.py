@@ -197,7 +197,7 @@ def findings(sections):
     out = []
     for name in dict.fromkeys(r["figure"] for r in sections.get("figures", [])):
         by = {r["note"]: float(r["error"]) for r in sections["figures"] if r["figure"] == name}
-        out.append(f"{text(name).capitalize()}: the light field is wrong by {percent(by['with_room'])}, a single probe by {percent(by['with_single'])}: "
+        out.append(f"{text(name.replace('figure', 'figure ')).capitalize()}: the light field is wrong by {percent(by['with_room'])}, a single probe by {percent(by['with_single'])}: "
                    f"{by['with_single'] / by['with_room']:.1f} times as much.")
     out += time_findings(sections.get("time", []))
     rows = [r for r in sections.get("budget", []) if r["figure"] == "budget" and r["y"]]
@@ -205,6 +205,13 @@ def findings(sections):
         r = sorted(rows, key=lambda x: -float(x["y"]))
         out.append(f"Of the chain's stages, <b>{text(r[0]['row'])}</b> costs most ({percent(r[0]['y'])}), then {text(r[1]['row'])} ({percent(r[1]['y'])})."
                    if len(r) > 1 else f"{text(r[0]['row'])}: {percent(r[0]['y'])}.")
+    rows = sections.get("depth", [])
+    by = {r["row"]: r for r in rows}
+    if "nodepth" in by and "the true room" in by:
+        out.append(f"Depth correction on the true room brings the error from {percent(by['nodepth']['error'])} to {percent(by['the true room']['error'])}.")
+    rows = sorted(sections.get("grid", []), key=lambda r: float(r["x"]))
+    if len(rows) > 1:
+        out.append("Dappled light: " + ", ".join(f"{text(r['row'])} {percent(r['error'])}" for r in (rows[0], rows[len(rows) // 2], rows[-1])) + ".")
     return out
 
 

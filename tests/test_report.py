@@ -341,7 +341,7 @@ def test_findings_come_from_the_rows():
     given = rows()
     given["figures"][0]["error"], given["figures"][1]["error"] = "0.05", "0.2"
     said = " ".join(page.findings(given))
-    assert "4.0 times" in said and "Figure11" in said
+    assert "4.0 times" in said and "Figure 11" in said
     assert page.findings({}) == []
 
 
