@@ -30,7 +30,7 @@ TIMES, TIMES_CLEAN = "1/1024 1/128 1/16 1/2 4 32", "1/1024 1/32 1 32"
 TRUE = "scenes/demo/lens_falloff.txt"
 MEASURED = f"{HERE}/falloff/measured.txt"
 QUIET = f"{scene.EXACT} -di 128 -ad 1024"
-LONG = f"{scene.EXACT} -di 512 -ad 4096"
+LONG = f"{scene.EXACT} -di 256 -ad 1024"
 EVERYDAY = "-ab 1 -aa .12 -as 64 -ar 64 -di 16 -ad 256"
 JITTER = 0.001
 

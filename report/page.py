@@ -67,7 +67,7 @@ footer { margin: 3em 0 2em; color: var(--quiet); font-size: .9rem; }
   table, tbody, tr, td { display: block; width: 100%; }
   thead { display: none; }
   tr { border: 1px solid var(--line); border-radius: 6px; padding: .5em .8em; margin: 0 0 .7em; }
-  td, td.n { display: inline; border: 0; padding: 0 .9em 0 0; text-align: left; white-space: normal; overflow-wrap: anywhere; }
+  td, td.n { display: inline-block; max-width: 100%; border: 0; padding: 0 .9em 0 0; text-align: left; white-space: normal; overflow-wrap: anywhere; }
   td::before { content: attr(data-label) " "; color: var(--quiet); }
   td:first-child, td.c { display: block; width: 100%; border: 0; padding: .1em 0; }
   td:first-child { font-weight: 600; } td:first-child::before, td.c::before { content: ""; }
@@ -105,7 +105,7 @@ NOTED = {"storage", "budget", "size"}     # sections whose rows say more in word
 def table(rows):
     shown = [c for c in COLUMNS if any(r[c[2]] != "" for r in rows)]
     if len({r["figure"] for r in rows}) > 1 or rows[0]["figure"] != rows[0]["section"]:
-        shown.insert(0, ("figure", "", "figure", text))
+        shown.insert(1, ("figure", "", "figure", text))
     if rows[0]["section"] in NOTED:
         shown.insert(1, ("what", "", "note", text))
     head = "".join(f'<th class="{k}">{h}</th>' if k else f"<th>{h}</th>" for h, k, _, _ in shown) + "<th>command</th>"
