@@ -133,7 +133,7 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
--include tests/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
+-include report/report.mk tests/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))

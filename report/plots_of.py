@@ -1,0 +1,71 @@
+"""Which plots each section gets, from its rows: [(file name, caption, wide PNG, narrow PNG)].
+
+Rows are dicts as in the CSV; x and y are what a plot shows, `note` names the series.
+"""
+from . import plots
+
+WIDE, NARROW = (7.6, 4.6), (4.2, 4.6)
+
+
+def value(row, key):
+    return float(row[key])
+
+
+def series(rows, key="note"):
+    found = {}
+    for r in rows:
+        if r["x"] and r["y"]:
+            found.setdefault(r[key], []).append((value(r, "x"), value(r, "y")))
+    return found
+
+
+def two(draw):
+    return draw(WIDE), draw(NARROW)
+
+
+def own_error(rows):
+    known = [float(r["reference_error"]) for r in rows if r["reference_error"]]
+    return ("the reference's own error", max(known)) if known else None
+
+
+def time(rows):
+    return [("time", "Error against CPU seconds of the renderer; both axes logarithmic. Down and left is better.",
+             *two(lambda size: plots.curves(series(rows), "Error against run time", "CPU seconds", "RMSE / mean", own_error(rows), size=size)))]
+
+
+def size(rows):
+    out = []
+    for name, caption, label in (("positions", "Fewer probes: every n-th of the finest grid. The error is against the room itself.", "probes along each edge"),
+                                 ("directions", "Smaller probes: box filter, the finest grid. The error is against the room itself.", "texels around, n_theta")):
+        part = [r for r in rows if r["figure"] == name]
+        if part:
+            out.append((name, caption, *two(lambda s, p=part, w=label: plots.curves(series(p), "Error against the number of " + ("probes" if w[0] == "p" else "directions"),
+                                                                                    w, "RMSE / mean", own_error(p), size=s))))
+    return out
+
+
+def storage(rows):
+    points = {r["row"]: [(value(r, "x"), value(r, "y"))] for r in rows if r["y"] and float(r["y"]) > 0}
+    return [("storage", "Error of the texels against bytes of the file. Lossless forms of float texels are exact and not shown.",
+             *two(lambda s: plots.curves(points, "Storage forms", "megabytes", "RMS error of texels / mean", size=s)))] if points else []
+
+
+def budget(rows):
+    items = sorted(((r["row"], value(r, "y")) for r in rows if r["figure"] == "budget" and r["y"] and float(r["y"]) > 0), key=lambda x: -x[1])
+    return [("budget", "What each stage adds when it alone is real and all others are ideal; the longest bar is what to improve first.",
+             *two(lambda s: plots.bars(items, "Error budget of the chain", "RMSE / mean", width=s[0])))] if items else []
+
+
+def depth(rows):
+    return [("depth", "The closer the auxiliary geometry is to the true room, the better. Across: by how much two neighbouring probes, looking at one and "
+             "the same point of the light, miss each other, weighted with the light.",
+             *two(lambda s: plots.curves(series(rows), "Depth correction", "neighbours disagree by, degrees", "RMSE / mean", own_error(rows), size=s,
+                                         log=(False, True), labels=[(value(r, "x"), value(r, "y"), r["row"]) for r in rows])))] if rows else []
+
+
+def grid(rows):
+    return [("grid", "Finer grids of probes follow sharper light.",
+             *two(lambda s: plots.curves(series(rows), "Spatial resolution", "probes along each edge", "RMSE / mean", own_error(rows), size=s)))] if rows else []
+
+
+OF = {"time": time, "size": size, "storage": storage, "budget": budget, "depth": depth, "grid": grid}
