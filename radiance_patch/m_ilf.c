@@ -4,6 +4,8 @@
 
 #include "copyright.h"
 
+#include  <unistd.h>
+
 #include  "ray.h"
 #include  "otypes.h"
 #include  "rtotypes.h"
@@ -56,6 +58,22 @@ ilferror(			/* report libilf's error for a material */
 }
 
 
+static void
+ilfcheck(void)			/* were files left as they were till the end? */
+{
+	ilf_error  err;
+	ILFFILE  *fp;
+
+	for (fp = ilflist; fp != NULL; fp = fp->next)
+		if (ilf_check_unchanged(fp->field, &err) != ILF_OK) {
+			eputs(err.text);
+			eputs("\n");
+			fflush(NULL);
+			_exit(1);	/* what we computed is a mixture */
+		}
+}
+
+
 static ILFFILE *
 openilf(			/* get light field file for material */
 	OBJREC  *m
@@ -80,6 +98,8 @@ openilf(			/* get light field file for material */
 		goto memerr;
 	if (ilf_open(&fp->field, path, &err) != ILF_OK)
 		ilferror(m, &err);
+	if (ilflist == NULL)
+		atexit(ilfcheck);
 	fp->path = savqstr(path);
 	fp->nused = 1;
 	fp->next = ilflist;

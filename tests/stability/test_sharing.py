@@ -56,6 +56,22 @@ def test_overwritten_while_read(tmp_path, which):
     assert p.returncode == 1 and err.count(b"\n") == 1 and b"changed" in err, (p.returncode, err)
 
 
+@pytest.mark.case("light field written over in place during a rendering", "radiance_patch/m_ilf.c", "after its only probe was used", "exit 1, one line")
+def test_overwritten_while_rendered(tmp_path):
+    path, new = constant(2, path=tmp_path / "f.ilf.exr"), constant(4, path=tmp_path / "new.exr")
+    (tmp_path / "s.rad").write_text("void ilf env\n1 f.ilf.exr\n0\n0\nenv bubble sky\n0\n0\n4 .5 .5 0 5\n")
+    (tmp_path / "s.oct").write_bytes(run("oconv", "s.rad", cwd=tmp_path).out)
+    p = subprocess.Popen(["stdbuf", "-o0", *command("rtrace", ["-h", "s.oct"])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                         bufsize=0, cwd=tmp_path, env=environment(ASAN_OPTIONS="verify_asan_link_order=0"))
+    p.stdin.write(b"0 0 .1 0 0 1\n" * 2000)
+    p.stdin.flush()
+    p.stdout.readline()
+    with open(path, "r+b") as f:
+        f.write(new.read_bytes())
+    _, err = p.communicate(b"0 0 .1 0 0 1\n", timeout=60)
+    assert p.returncode == 1 and err.count(b"\n") == 1 and b"changed" in err, (p.returncode, err)
+
+
 @pytest.mark.case("light field replaced while it is rendered", "ilfmat/ilf_probe.c", "40 replacements during rtrace", "each picture one or the other")
 def test_replaced_while_rendered(tmp_path, row):
     sizes = [constant(v, "none", tmp_path / f"{v}.exr") for v in (2, 4)]
