@@ -29,7 +29,7 @@ CLEAN = "--bits 16 --response linear --full-scale 1 --no-noise"
 TIMES, TIMES_CLEAN = "1/1024 1/128 1/16 1/2 4 32", "1/1024 1/32 1 32"
 TRUE = "scenes/demo/lens_falloff.txt"
 MEASURED = f"{HERE}/falloff/measured.txt"
-QUIET = f"{scene.EXACT} -di 128 -ad 1024"
+QUIET = f"{scene.EXACT} -di 32 -ad 256"
 LONG = f"{scene.EXACT} -di 256 -ad 1024"
 EVERYDAY = "-ab 1 -aa .12 -as 64 -ar 64 -di 16 -ad 256"
 JITTER = 0.001
@@ -56,23 +56,27 @@ class Chain:
 
     def __init__(self, s, name, jitter=0):
         self.s, self.folder, self.jitter = s, f"{HERE}/{name}", jitter
-        self.cache = f"{HERE}/cache"
-        self.amb = f"{s.here}/stage.amb"     # the probes by rays start from the same indirect light
+        self.cache = f"{HERE}/seen{'_off' if jitter else ''}"     # what the camera sees, rendered once for all exposures
+        self.amb = f"{self.cache}.amb"
 
     def camera(self, more):
         return (f"virtualcamera --quiet --octree {self.s.here}/stage.oct --plane '{scene.PLANE}' $p {CAMERA} {PIXELS} {more} --cache {self.cache} "
                 f"--render-options '{scene.ROOM_LIGHT} -af {self.amb}'")
 
+    def begun(self):
+        """The folder, with the indirect light that the probes by rays start from, too."""
+        return f"mkdir -p {self.folder} {self.cache}; [ -e {self.amb} ] || cp {self.s.here}/stage.amb {self.amb}; "
+
     def radiance(self):
         """The camera's radiance as it is."""
-        return f"mkdir -p {self.folder} {self.cache}; " + loop(self.jitter, f"{self.camera('')} -o {self.folder}/$n.exr </dev/null")
+        return self.begun() + loop(self.jitter, f"{self.camera('')} -o {self.folder}/$n.exr </dev/null")
 
     def exposures(self, more, times, response):
         """A series of exposures at each node, merged."""
         series = (f"d={self.folder}/$n; mkdir -p $d; k=0; for t in {times}; do {self.camera(more + ' --seconds $t')} -o $d/e$k.png </dev/null; "
                   f"echo e$k.png $t; k=$((k + 1)); done > $d/times.txt; "
                   f"hdrgen --quiet --threads 1 --response {response} --times $d/times.txt -o {self.folder}/$n.exr $d/e?.png </dev/null")
-        return f"mkdir -p {self.folder} {self.cache}; " + loop(self.jitter, series)
+        return self.begun() + loop(self.jitter, series)
 
     def remap(self, falloff="", name=None, kind="float"):
         """Probes and the light field NAME.ilf.exr."""
