@@ -30,8 +30,7 @@ bins = $(1:%=$(B)/bin/%)
 define settings
 $(1): FORCE
 	@mkdir -p $$(@D)
-	@printf '%s\n' '$(2)' > $$@.part
-	@if cmp -s $$@.part $$@; then rm $$@.part; else mv $$@.part $$@; fi
+	@printf '%s\n' '$(2)' > $$@.$$$$$$$$; if cmp -s $$@.$$$$$$$$ $$@; then rm $$@.$$$$$$$$; else mv $$@.$$$$$$$$ $$@; fi
 endef
 
 # One probe for the whole scene.  Its node is the middle of a rectangle as large as the plane, so
@@ -77,8 +76,10 @@ $($(1)_OUT)/nodes/%/times.txt: $($(1)_OUT)/room.amb $($(1)_FALLOFF) | $(call bin
 $($(1)_OUT)/nodes/%/fisheye.exr: $($(1)_OUT)/nodes/%/times.txt | $(call bins,hdrgen)
 	@$$(ILF_ENV) hdrgen --quiet --response $($(1)_RESPONSE) --times $$< -o $$@ $$(@D)/e*.png
 
-$($(1)_OUT)/nodes/%/probe.exr: $($(1)_OUT)/nodes/%/fisheye.exr $(or $($(1)_CORRECT),$($(1)_FALLOFF)) $($(1)_OUT)/probe.settings | $(call bins,fishremap)
-	@$$(ILF_ENV) fishremap --quiet $($(1)_LENS) --size $($(1)_PROBE) --falloff $(or $($(1)_CORRECT),$($(1)_FALLOFF)) --polar-max 90 -o $$@ $$<
+# With NAME_DISCARD a probe depends on the room, not on the merged picture, which a make of its own makes and which goes again.
+$($(1)_OUT)/nodes/%/probe.exr: $($(1)_OUT)/$(if $($(1)_DISCARD),room.amb,nodes/%/fisheye.exr) $(or $($(1)_CORRECT),$($(1)_FALLOFF)) $($(1)_OUT)/probe.settings | $(call bins,fishremap)
+	$(if $($(1)_DISCARD),+@$$(MAKE) --no-print-directory $($(1)_OUT)/nodes/$$*/fisheye.exr)
+	@$$(ILF_ENV) fishremap --quiet $($(1)_LENS) --size $($(1)_PROBE) --falloff $(or $($(1)_CORRECT),$($(1)_FALLOFF)) --polar-max 90 -o $$@ $$(@D)/fisheye.exr
 	$(if $($(1)_DISCARD),@rm -f $$(@D)/e*.png $$(@D)/fisheye.exr $$(@D)/times.txt)
 
 $($(1)_OUT)/room.ilf.exr: $$($(1)_NODES:%=$($(1)_OUT)/nodes/%/probe.exr) | $(call bins,ilfpack)
