@@ -1,7 +1,8 @@
 """The error budget of the whole chain: each stage's own error, switched on one at a time.
 
 The ideal is a light field of 5 x 5 probes, each texel traced by rays at the true place, float, no camera.  A stage's own error is the
-difference of two pictures that differ in that stage alone, with the same random numbers:
+difference of two pictures that differ in that stage alone, drawn with the very same blind rays: importance samples would follow the
+light field, and their noise would hide what is looked for:
 
     merge          exposures of 8 bits with photon and read noise, merged, beside the camera's radiance as it is
     remap          the camera's radiance through fishremap, beside probes by rays
@@ -29,7 +30,7 @@ CLEAN = "--bits 16 --response linear --full-scale 1 --no-noise"
 TIMES, TIMES_CLEAN = "1/1024 1/128 1/16 1/2 4 32", "1/1024 1/32 1 32"
 TRUE = "scenes/demo/lens_falloff.txt"
 MEASURED = f"{HERE}/falloff/measured.txt"
-QUIET = f"{scene.EXACT} -di 32 -ad 256"
+QUIET = f"{scene.EXACT} -di 0 -ad 4096"
 LONG = f"{scene.EXACT} -di 256 -ad 1024"
 EVERYDAY = "-ab 1 -aa .12 -as 64 -ar 64 -di 16 -ad 256"
 JITTER = 0.001
