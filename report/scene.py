@@ -23,7 +23,7 @@ PLANE = "-.381 -.381 0  .762 0 0  0 .762 0"
 SIZE = tuple(int(x) for x in os.environ.get("REPORT_SIZE", "64x48").split("x"))
 EXACT = "-as 0 -lw 1e-9 -ab 1 -aa 0"
 # a light field's picture with little noise, for sweeps of everything but the renderer
-FINE = "-ab 2 -aa .15 -as 64 -ar 32 -di 256 -ad 512"
+FINE = "-ab 2 -aa .2 -as 64 -ar 32 -di 128 -ad 512"
 # what the camera sees of the room: lamps as sources, indirect light cached
 ROOM_LIGHT = "-ab 2 -aa .15 -ad 1024 -as 256 -ar 32 -ds .1 -dj .6 -dt 0 -dc 1"
 # a lamp in the middles of its parts: Radiance divides a lamp into 64 at most, too few for jitter
