@@ -1,7 +1,8 @@
 """The error budget of the whole chain: each stage's own error, switched on one at a time.
 
 The ideal is a light field of 5 x 5 probes, each texel traced by rays at the true place, float, no camera.  A stage's own error is the
-difference of two pictures that differ in that stage alone, with the same random numbers:
+difference of two pictures that differ in that stage alone, drawn with the very same blind rays: importance samples would follow the
+light field, and their noise would hide what is looked for:
 
     merge          exposures of 8 bits with photon and read noise, merged, beside the camera's radiance as it is
     remap          the camera's radiance through fishremap, beside probes by rays
@@ -29,7 +30,7 @@ CLEAN = "--bits 16 --response linear --full-scale 1 --no-noise"
 TIMES, TIMES_CLEAN = "1/1024 1/128 1/16 1/2 4 32", "1/1024 1/32 1 32"
 TRUE = "scenes/demo/lens_falloff.txt"
 MEASURED = f"{HERE}/falloff/measured.txt"
-QUIET = f"{scene.EXACT} -di 128 -ad 1024"
+QUIET = f"{scene.EXACT} -di 0 -ad 4096"
 LONG = f"{scene.EXACT} -di 256 -ad 1024"
 EVERYDAY = "-ab 1 -aa .12 -as 64 -ar 64 -di 16 -ad 256"
 JITTER = 0.001
@@ -56,23 +57,27 @@ class Chain:
 
     def __init__(self, s, name, jitter=0):
         self.s, self.folder, self.jitter = s, f"{HERE}/{name}", jitter
-        self.cache = f"{HERE}/cache"
-        self.amb = f"{s.here}/stage.amb"     # the probes by rays start from the same indirect light
+        self.cache = f"{HERE}/seen{'_off' if jitter else ''}"     # what the camera sees, rendered once for all exposures
+        self.amb = f"{self.cache}.amb"
 
     def camera(self, more):
         return (f"virtualcamera --quiet --octree {self.s.here}/stage.oct --plane '{scene.PLANE}' $p {CAMERA} {PIXELS} {more} --cache {self.cache} "
                 f"--render-options '{scene.ROOM_LIGHT} -af {self.amb}'")
 
+    def begun(self):
+        """The folder, with the indirect light that the probes by rays start from, too."""
+        return f"mkdir -p {self.folder} {self.cache}; [ -e {self.amb} ] || cp {self.s.here}/stage.amb {self.amb}; "
+
     def radiance(self):
         """The camera's radiance as it is."""
-        return f"mkdir -p {self.folder} {self.cache}; " + loop(self.jitter, f"{self.camera('')} -o {self.folder}/$n.exr </dev/null")
+        return self.begun() + loop(self.jitter, f"{self.camera('')} -o {self.folder}/$n.exr </dev/null")
 
     def exposures(self, more, times, response):
         """A series of exposures at each node, merged."""
         series = (f"d={self.folder}/$n; mkdir -p $d; k=0; for t in {times}; do {self.camera(more + ' --seconds $t')} -o $d/e$k.png </dev/null; "
                   f"echo e$k.png $t; k=$((k + 1)); done > $d/times.txt; "
                   f"hdrgen --quiet --threads 1 --response {response} --times $d/times.txt -o {self.folder}/$n.exr $d/e?.png </dev/null")
-        return f"mkdir -p {self.folder} {self.cache}; " + loop(self.jitter, series)
+        return self.begun() + loop(self.jitter, series)
 
     def remap(self, falloff="", name=None, kind="float"):
         """Probes and the light field NAME.ilf.exr."""

@@ -43,16 +43,14 @@ def say(text):
         print(f"  report {time.monotonic() - BEGUN:5.0f} s  {text}", flush=True)
 
 
-def inputs_of(command):
-    """The files of the build that a command names and that exist: a younger one makes the result stale.
-
-    Not ambient files, which grow whenever they are used.
-    """
+def inputs_of(command, reads=()):
+    """The files of the build that a command names and that exist, and those of `reads`: a younger one makes the result stale."""
     words = set(re.findall(rf"{re.escape(BUILD)}/(?:report|figures|demo)/[\w./-]+", command))
-    return [TOP / w for w in words if (TOP / w).is_file()]
+    # a capture's own copy of the indirect light grows while it is used
+    return [TOP / w for w in {*words, *reads} if (TOP / w).is_file() and (not w.endswith(".amb") or w.endswith("/stage.amb"))]
 
 
-def fresh(command, out, log):
+def fresh(command, out, log, reads):
     try:
         if json.loads(log.read_text())["text"] != command:
             return False
@@ -61,13 +59,16 @@ def fresh(command, out, log):
         made = log.stat().st_mtime     # written after the command has ended, so after all that it wrote
     except (OSError, ValueError, KeyError):
         return False
-    return all(f.stat().st_mtime <= made for f in inputs_of(command))
+    return all(f.stat().st_mtime <= made for f in inputs_of(command, reads))
 
 
-def run(command, out, label=None):
-    """Runs `command` with its standard output to `out` (path from the top) unless that is done; returns its cost."""
+def run(command, out, label=None, reads=()):
+    """Runs `command` with its standard output to `out` (path from the top) unless that is done; returns its cost.
+
+    reads: files that it depends on without naming them.
+    """
     path, log = TOP / out, TOP / f"{out}.json"
-    if not fresh(command, path, log):
+    if not fresh(command, path, log, reads):
         path.parent.mkdir(parents=True, exist_ok=True)
         simple = not re.search(r"[|;&<>$\n*()]", command)
         argv = shlex.split(command) if simple else ["bash", "-euo", "pipefail", "-c", command]

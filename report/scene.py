@@ -23,7 +23,7 @@ PLANE = "-.381 -.381 0  .762 0 0  0 .762 0"
 SIZE = tuple(int(x) for x in os.environ.get("REPORT_SIZE", "64x48").split("x"))
 EXACT = "-as 0 -lw 1e-9 -ab 1 -aa 0"
 # a light field's picture with little noise, for sweeps of everything but the renderer
-FINE = "-ab 2 -aa .2 -as 32 -ar 32 -di 128 -ad 256"
+FINE = "-ab 2 -aa .2 -as 64 -ar 32 -di 128 -ad 512"
 # what the camera sees of the room: lamps as sources, indirect light cached
 ROOM_LIGHT = "-ab 2 -aa .15 -ad 1024 -as 256 -ar 32 -ds .1 -dj .6 -dt 0 -dc 1"
 # a lamp in the middles of its parts: Radiance divides a lamp into 64 at most, too few for jitter
@@ -97,6 +97,10 @@ class Scene:
         run.run(f"oconv -f {room} {self.table} {self.objects}", f"{self.here}/photo.oct")
         run.run(f"{{ cat {self.masks}; xform -m mask_table {self.table}; xform -m mask_objects {self.objects}; }} | oconv -f -", f"{self.here}/mask.oct")
         run.run(f"rpict {self.view} -ab 0 {self.here}/mask.oct", self.mask)
+        # the room's indirect light as seen from the middle of the plane: every capture starts from a copy of it
+        amb = f"{self.here}/stage.amb"
+        run.run(f"rm -f {amb}; {PYTHON} -m report probes --octree {self.here}/stage.oct --plane '{PLANE}' --grid 1x1 --size 96x48 --refine 1 "
+                f"--render-options '{ROOM_LIGHT} -af {amb}' -o {self.here}/overture", f"{self.here}/overture.log", "indirect light of the room")
         _, halves = both(f"{self.here}/photo", f"rpict {self.view} {PHOTO_LIGHT} {self.here}/photo.oct", "photograph")
         return self.split(halves)
 
@@ -116,13 +120,14 @@ class Scene:
     def lit(self, name, field, geometry=None, depth=True):
         """Octree NAME.oct of table and objects in the light field; geometry: shell text that writes surfaces of modifier `light`."""
         head = written(f"{name}.rad", f"void ilf light\n{1 if depth else 2} {field}{'' if depth else ' nodepth'}\n0\n0\n")
-        run.run(f"{{ cat {self.materials} {head}; {geometry or self.surfaces()}; cat {self.table} {self.objects}; }} | oconv -f -", f"{name}.oct")
+        run.run(f"{{ cat {self.materials} {head}; {geometry or self.surfaces()}; cat {self.table} {self.objects}; }} | oconv -f -", f"{name}.oct", reads=(field,))
         return f"{name}.oct"
 
     def field_text(self, n, size, name, options=""):
         """Shell text that makes NAME.ilf.exr, n x n probes by rays, float."""
-        return (f"{PYTHON} -m report probes --octree {self.here}/stage.oct --plane '{PLANE}' --grid {n}x{n} --size {size[0]}x{size[1]} {options} "
-                f"--render-options '{ROOM_LIGHT} -af {self.here}/stage.amb' -o {name} && {packed(name, n, f'{name}.ilf.exr')}")
+        return (f"mkdir -p {name} && cp {self.here}/stage.amb {name}/room.amb && {PYTHON} -m report probes --octree {self.here}/stage.oct --plane '{PLANE}' "
+                f"--grid {n}x{n} --size {size[0]}x{size[1]} {options} --render-options '{ROOM_LIGHT} -af {name}/room.amb' -o {name} && "
+                f"{packed(name, n, f'{name}.ilf.exr')}")
 
     def field(self, n, size, options="", name=None):
         name = name or f"{self.here}/n{n}_{size[0]}x{size[1]}"
