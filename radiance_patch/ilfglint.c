@@ -46,7 +46,7 @@
 #define  LOBEFALL	4.		/* lobe's exponent at the cone's edge */
 #define  LOBEWIDE	4.		/* reflected lobe's reach over alpha */
 #define  GLINTRAYS	.5		/* rays per glint over samples */
-#define  MAXGRAY		64		/* rays per glint */
+#define  MAXGRAY		16		/* rays per glint */
 
 typedef struct ilfball {
 	OBJREC  *o;			/* sphere */

@@ -364,9 +364,12 @@ drawcands(			/* draw and weigh candidates */
 		scalecolor(cp->coef, 1./ILFOMEGA);
 		d *= 1./ILFOMEGA;
 					/* estimate what's there */
-		if (ip->mode == ILF_DEPTH && dr.far >= FHUGE)
-			dr.near = dr.far = auxdist(r->rop, cp->dir, ip->m);
 		cp->targ = d * excessat(ip, r->rop, cp->dir, dr.far);
+		if (ip->mode == ILF_DEPTH && dr.far >= FHUGE &&
+				cp->targ > 0.0) {
+			dr.near = dr.far = auxdist(r->rop, cp->dir, ip->m);
+			cp->targ = d * excessat(ip, r->rop, cp->dir, dr.far);
+		}
 		if (ip->mode == ILF_DEPTH) {
 			if (dr.near < .98*dr.far) {
 				x = d * excessat(ip, r->rop, cp->dir, dr.near);
