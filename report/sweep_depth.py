@@ -1,6 +1,6 @@
 """Depth correction: the closer the auxiliary geometry is to the true room, the better.
 
-One light field, looked up on spheres and boxes of several sizes, on the room's walls, on the walls with the lamps, and without
+Small bare lamps close by, whose direction changes from probe to probe while the light's amount does not.  One light field, looked up on spheres and boxes of several sizes, on the room's walls, on the walls with the lamps, and without
 correction.  How far a geometry is from the truth is said by the angle at which two neighbouring probes miss each other when both look at
 the point that a ray meets,
 
@@ -47,7 +47,7 @@ def miss(r, r_true, light, phi, spacing):
 
 def main(argv=()):
     from .fields import read
-    s = scene.studio()
+    s = scene.lamps()
     own = s.prepare()
     field = s.field(GRID, SIZE)
     n_theta, n_phi = SIZE
