@@ -24,7 +24,7 @@ INTRO = {
                "(<code>ilfinfo</code>).",
     "budget": "The ideal: probes traced by rays at the true places, float, without camera. Then one stage at a time is made real; its own error is the difference from the picture "
               "with all but that stage.",
-    "depth": "The studio with two small bare lamps, one light field of 4 × 4 probes, 25 cm apart, looked up on different auxiliary geometry.",
+    "depth": "The studio with two small bare lamps, one light field of 4 × 4 probes, 25 cm apart, looked up on different auxiliary geometry. The lamps as geometry of their own do harm: a ray that just passes a lamp meets the wall behind it at a point that the probes, which stand elsewhere, see hidden by that lamp: so its light counts twice there.",
     "grid": "The light through a branch varies quickly over the plane: probes by rays, without camera, at grids from coarse to the paper's own.",
 }
 CSS = """

@@ -17,7 +17,7 @@ from . import probes, run, scene
 from .run import OUT
 
 HERE = f"{OUT}/depth"
-GRID, SIZE = 4, (96, 48)
+GRID, SIZE = 4, (192, 96)
 # name, what family, geometry (shell text), or None for no correction
 FAR = 1e9
 
