@@ -69,7 +69,7 @@ footer { margin: 3em 0 2em; color: var(--quiet); font-size: .9rem; }
   table, tbody, tr, td { display: block; width: 100%; }
   thead { display: none; }
   tr { border: 1px solid var(--line); border-radius: 6px; padding: .5em .8em; margin: 0 0 .7em; }
-  td, td.n { display: inline-block; max-width: 100%; border: 0; padding: 0 .9em 0 0; text-align: left; white-space: normal; overflow-wrap: anywhere; }
+  td, td.n { display: inline-block; width: auto; max-width: 100%; border: 0; padding: 0 .9em 0 0; text-align: left; white-space: normal; overflow-wrap: anywhere; }
   td::before { content: attr(data-label) " "; color: var(--quiet); }
   td:first-child, td.c { display: block; width: 100%; border: 0; padding: .1em 0; }
   td.c pre { width: auto; }
@@ -210,8 +210,9 @@ def findings(sections):
                    if len(r) > 1 else f"{text(r[0]['row'])}: {percent(r[0]['y'])}.")
     rows = sections.get("depth", [])
     by = {r["row"]: r for r in rows}
-    if "nodepth" in by and "the true room" in by:
-        out.append(f"Depth correction on the true room brings the error from {percent(by['nodepth']['error'])} to {percent(by['the true room']['error'])}.")
+    if {"nodepth", "room, no lamps", "the true room"} <= set(by):
+        out.append(f"Depth correction under small lamps: {percent(by['nodepth']['error'])} without, {percent(by['room, no lamps']['error'])} with the room's walls as "
+                   f"auxiliary geometry, {percent(by['the true room']['error'])} with the lamps as surfaces of their own, too.")
     rows = sorted(sections.get("grid", []), key=lambda r: float(r["x"]))
     if len(rows) > 1:
         out.append("Dappled light: " + ", ".join(f"{text(r['row'])} {percent(r['error'])}" for r in (rows[0], rows[len(rows) // 2], rows[-1])) + ".")
