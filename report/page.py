@@ -24,7 +24,7 @@ INTRO = {
                "(<code>ilfinfo</code>).",
     "budget": "The ideal: probes traced by rays at the true places, float, without camera. Then one stage at a time is made real; its own error is the difference from the picture "
               "with all but that stage.",
-    "depth": "One light field of 4 × 4 probes, 25 cm apart, looked up on different auxiliary geometry.",
+    "depth": "The studio with two small bare lamps, one light field of 4 × 4 probes, 25 cm apart, looked up on different auxiliary geometry. The lamps as geometry of their own do harm: a ray that just passes a lamp meets the wall behind it at a point that the probes, which stand elsewhere, see hidden by that lamp: so its light counts twice there.",
     "grid": "The light through a branch varies quickly over the plane: probes by rays, without camera, at grids from coarse to the paper's own.",
 }
 CSS = """
@@ -53,7 +53,9 @@ table { border-collapse: collapse; width: 100%; font-size: .9rem; margin: 1em 0;
 th, td { text-align: left; padding: .35em .7em .35em 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 th { color: var(--quiet); font-weight: 600; }
 td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-td.c { width: 34%; }
+td.c { width: 1%; }
+td.c summary { white-space: nowrap; }
+td.c pre { width: 26em; }
 summary { cursor: pointer; color: var(--link); }
 code { white-space: nowrap; }
 pre, code { font: .82rem/1.45 ui-monospace, "DejaVu Sans Mono", Menlo, Consolas, monospace; }
@@ -67,9 +69,10 @@ footer { margin: 3em 0 2em; color: var(--quiet); font-size: .9rem; }
   table, tbody, tr, td { display: block; width: 100%; }
   thead { display: none; }
   tr { border: 1px solid var(--line); border-radius: 6px; padding: .5em .8em; margin: 0 0 .7em; }
-  td, td.n { display: inline-block; max-width: 100%; border: 0; padding: 0 .9em 0 0; text-align: left; white-space: normal; overflow-wrap: anywhere; }
+  td, td.n { display: inline-block; width: auto; max-width: 100%; border: 0; padding: 0 .9em 0 0; text-align: left; white-space: normal; overflow-wrap: anywhere; }
   td::before { content: attr(data-label) " "; color: var(--quiet); }
   td:first-child, td.c { display: block; width: 100%; border: 0; padding: .1em 0; }
+  td.c pre { width: auto; }
   td:first-child { font-weight: 600; } td:first-child::before, td.c::before { content: ""; }
 }
 """
@@ -207,8 +210,9 @@ def findings(sections):
                    if len(r) > 1 else f"{text(r[0]['row'])}: {percent(r[0]['y'])}.")
     rows = sections.get("depth", [])
     by = {r["row"]: r for r in rows}
-    if "nodepth" in by and "the true room" in by:
-        out.append(f"Depth correction on the true room brings the error from {percent(by['nodepth']['error'])} to {percent(by['the true room']['error'])}.")
+    if {"nodepth", "room, no lamps", "the true room"} <= set(by):
+        out.append(f"Depth correction under small lamps: {percent(by['nodepth']['error'])} without, {percent(by['room, no lamps']['error'])} with the room's walls as "
+                   f"auxiliary geometry, {percent(by['the true room']['error'])} with the lamps as surfaces of their own, too.")
     rows = sorted(sections.get("grid", []), key=lambda r: float(r["x"]))
     if len(rows) > 1:
         out.append("Dappled light: " + ", ".join(f"{text(r['row'])} {percent(r['error'])}" for r in (rows[0], rows[len(rows) // 2], rows[-1])) + ".")

@@ -56,11 +56,20 @@ def budget(rows):
              *two(lambda s: plots.bars(items, "Error budget of the chain", "RMSE / mean", width=s[0])))] if items else []
 
 
+def ends(rows):
+    """The first and the last point of each family, to be named in the plot; those between follow."""
+    found = []
+    for name in dict.fromkeys(r["note"] for r in rows):
+        part = sorted((value(r, "x"), value(r, "y"), r["row"]) for r in rows if r["note"] == name)
+        found += [part[0], part[-1]] if len(part) > 1 else part
+    return found
+
+
 def depth(rows):
     return [("depth", "The closer the auxiliary geometry is to the true room, the better. Across: by how much two neighbouring probes, looking at one and "
              "the same point of the light, miss each other, weighted with the light.",
              *two(lambda s: plots.curves(series(rows), "Depth correction", "neighbours disagree by, degrees", "RMSE / mean", own_error(rows), size=s,
-                                         log=(False, True), labels=[(value(r, "x"), value(r, "y"), r["row"]) for r in rows])))] if rows else []
+                                         log=(False, True), labels=ends(rows))))] if rows else []
 
 
 def grid(rows):

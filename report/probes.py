@@ -3,7 +3,7 @@
 Each texel of a latitude/longitude map (contract, section 1: row y is the polar angle, column x the azimuth) is the mean radiance
 over its solid angle, from rays traced through the scene from the probe's place on the plane.  A texel gets K x K rays at
 the middles of its parts; where the brightness about it differs by more than half of the probe's mean (the
-edge of a lamp, or one smaller than a texel) R x R.
+edge of a lamp) R x R.  A lamp must be wider than the K x K rays are apart, or it may be missed.
 
 usage: python -m report probes --octree FILE --plane "O U V" --grid NxM --size WxH -o FOLDER
 Writes FOLDER/p_JJ_II.exr (float) for node (I, J), so that FOLDER/p_*.exr come in ilfpack's order.

@@ -1,8 +1,8 @@
-"""The two small scenes that the sweeps use, and what can be made of them.
+"""The three small scenes that the sweeps use, and what can be made of them.
 
 studio: the demo's room with its two spotlights, table and objects.  The mirror ball is left out because Radiance does not follow a
 lamp's light over a mirror to a matt surface in the reference, and because the few pixels in which it shows a lamp would outweigh
-all others.  dapples: figure 12's lamp behind a branch.  Meshes have flat facets: where interpolated normals lean far from their
+all others.  dapples: figure 12's lamp behind a branch.  lamps: the studio with small bare lamps.  Meshes have flat facets: where interpolated normals lean far from their
 facets, blind rays and lamps do not agree in Radiance, with no light field at all.
 
 All files lie under build/report and name each other by paths from the project's top, so that every command works there.
@@ -53,8 +53,8 @@ def both(name, command, label):
 class Scene:
     """folder of its files; room and lamps: the auxiliary geometry; hidden: what the camera sees but the rendering knows nothing of."""
 
-    def __init__(self, folder, view, room, lamps, objects, models, hidden=(), copies=(), without=()):
-        self.here, self.models, self.copies, self.without = f"{OUT}/{folder}", models, list(copies), list(without)
+    def __init__(self, folder, view, room, lamps, objects, models, hidden=(), copies=(), without=(), edits=()):
+        self.here, self.models, self.without, self.edits = f"{OUT}/{folder}", models, list(without), list(edits)
         self.view = f"-vf {view} -x {SIZE[0]} -y {SIZE[1]} -ps 1 -pj 0 -w"
         self.materials, self.table, self.masks = "scenes/demo/room_materials.rad", "scenes/demo/table.rad", "scenes/demo/mask_materials.rad"
         self.room, self.hidden = room, list(hidden)
@@ -69,6 +69,8 @@ class Scene:
         """A copy of a scene file in which further files have their paths from the top, and commands are carried out: xform, given
         a file with commands, looks for their files elsewhere."""
         text = "\n".join(x for x in (TOP / path).read_text().splitlines() if not any(w in x for w in self.without)) + "\n"
+        for old, new in self.edits:
+            text = text.replace(old, new)
         for name, whole in self.own_files.items():
             text = text.replace(f" {name}", f" {whole}")
         for _, name in self.models:
@@ -153,6 +155,15 @@ def studio():
     d = "scenes/demo"
     return Scene("studio", f"{d}/view.vf", f"{d}/room.rad", f"{d}/lamps.rad", f"{d}/objects.rad", [STATUE],
                  copies=[f"{d}/lamp_yellow.rad", f"{d}/lamp_blue.rad"], without=["mirror_ball", "chrome"])
+
+
+def lamps():
+    """The studio with small lamps that shine alike in all directions: light that varies little over the plane, but comes from near."""
+    d = "scenes/demo"
+    return Scene("lamps", f"{d}/view.vf", f"{d}/room.rad", f"{d}/lamps.rad", f"{d}/objects.rad", [STATUE],
+                 copies=[f"{d}/lamp_yellow.rad", f"{d}/lamp_blue.rad"], without=["mirror_ball", "chrome"],
+                 edits=[("yellow_beam light", "void light"), ("blue_beam light", "void light"), ("!xform -ry", "!xform -s .4 -ry"),
+                        ("620 400 130", "3900 2500 810"), ("150 270 560", "940 1700 3500")])
 
 
 def dapples():

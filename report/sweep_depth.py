@@ -1,6 +1,6 @@
 """Depth correction: the closer the auxiliary geometry is to the true room, the better.
 
-One light field, looked up on spheres and boxes of several sizes, on the room's walls, on the walls with the lamps, and without
+Small bare lamps close by, whose direction changes from probe to probe while the light's amount does not.  One light field, looked up on spheres and boxes of several sizes, on the room's walls, on the walls with the lamps, and without
 correction.  How far a geometry is from the truth is said by the angle at which two neighbouring probes miss each other when both look at
 the point that a ray meets,
 
@@ -17,7 +17,7 @@ from . import probes, run, scene
 from .run import OUT
 
 HERE = f"{OUT}/depth"
-GRID, SIZE = 4, (96, 48)
+GRID, SIZE = 4, (192, 96)
 # name, what family, geometry (shell text), or None for no correction
 FAR = 1e9
 
@@ -47,7 +47,7 @@ def miss(r, r_true, light, phi, spacing):
 
 def main(argv=()):
     from .fields import read
-    s = scene.studio()
+    s = scene.lamps()
     own = s.prepare()
     field = s.field(GRID, SIZE)
     n_theta, n_phi = SIZE

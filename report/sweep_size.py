@@ -8,7 +8,7 @@ from .run import OUT, PYTHON
 
 HERE = f"{OUT}/size"
 GRID, PROBE = 13, (96, 48)
-EVERY, SHRINK = (1, 2, 3, 4, 6, 12), (2, 4, 8, 16)
+EVERY, SHRINK = (1, 2, 3, 4, 6, 12), (2, 4, 8)
 
 
 def coarser(master, every, factor):
