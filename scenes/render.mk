@@ -30,7 +30,7 @@ MODELS   := $(B0)/models
 $(MODELS)/statue.obj: scenes/models/statue.py | $(VENV)/.packages
 	@mkdir -p $(@D)
 	@$(PY) $< --height .30 --cells 110 -o $@
-$(MODELS)/%.rtm: $(MODELS)/%.obj | $(B0)/lib/.radiance
+$(MODELS)/%.rtm: $(MODELS)/%.obj | $(call bins,obj2mesh)
 	@$(ILF_ENV) obj2mesh $< $@
 
 define light_field_pictures
