@@ -127,6 +127,8 @@ def lumpy_ball(n=104, m=104):
 
 
 def obj_text(vertices, triangles):
+    a, b, c = (np.round(vertices, 6)[triangles[:, k]] for k in range(3))
+    triangles = triangles[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0]     # none without area, at the poles
     return "".join(f"v {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in vertices) + "".join(
         f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in triangles)
 
