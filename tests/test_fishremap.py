@@ -473,6 +473,20 @@ def test_several_pictures_share_their_weights(tmp_path):
     one_line_error(run("fishremap", *args, "-o", tmp_path / "x.exr", *names, code=2), "fishremap", "%")
 
 
+@pytest.mark.parametrize("w, h, size", [(1, 1, "2x2"), (3, 1, "2x2"), (5, 1, "2x2"), (5, 3, "2x2"), (7, 5, "3x2"), (33, 31, "4x2"), (150, 150, "7x3")])
+def test_shared_weights_of_few_pixels_and_large_texels(tmp_path, w, h, size):
+    """Pixels that no outline cuts are summed in runs: the same as one at a time, wherever a run ends."""
+    names = []
+    for k in range(2):
+        names.append(U.write_exr(tmp_path / f"p{k}.exr", np.random.default_rng(k).uniform(0, 1, (h, w, 3))))
+    for args in (("--lens", "equidistant", "--fov", 185, "--radius", max(w, h), "--polar-max", 90), ("--from", "probe", "--to", "fisheye", "--lens", "equidistant", "--fov", 180)):
+        run("fishremap", "--quiet", *args, "--size", size, "-o", tmp_path / "%_out.exr", *names)
+        for k, name in enumerate(names):
+            run("fishremap", "--quiet", *args, "--size", size, "-o", tmp_path / "alone.exr", name)
+            alone, shared = U.read_exr(tmp_path / "alone.exr")[0], U.read_exr(tmp_path / f"p{k}_out.exr")[0]
+            assert alone.shape == shared.shape and np.allclose(alone, shared, rtol=2e-6, atol=1e-7)
+
+
 def ball_picture(scene, tilt_deg, to_deg, n=220):
     """A mirror ball seen by a camera that leans by tilt towards the picture's azimuth to."""
     t, a = np.radians(tilt_deg), np.radians(to_deg)
