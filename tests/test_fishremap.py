@@ -295,6 +295,36 @@ def test_wide_field_and_far_centre(tmp_path):
     one_line_error(r, "fishremap", "-500")
 
 
+def solid_angle_seen(got, polar_max=90):
+    alpha = got[..., 3] if got.shape[2] == 4 else np.ones(got.shape[:2])
+    return (alpha * U.probe_solid_angle(got.shape[1], got.shape[0], polar_max)[:, None]).sum()
+
+
+@pytest.mark.parametrize("tilt, to", [(45, 45), (45, 0), (60, 90), (30, 20), (10, 70)])
+def test_a_narrow_field_is_not_lost_in_large_texels(tmp_path, tilt, to):
+    """20 degrees of field lie within one texel of 4 x 2, or across an edge, without holding any of its corners."""
+    scene = U.lobes(8, 2)
+    got = remap(tmp_path, U.fisheye(scene, 100, 20, samples=3), "--lens", "equidistant", "--fov", 20, "--tilt", tilt, "--tilt-to", to, "--size", "4x2")
+    assert solid_angle_seen(got) == pytest.approx(2 * np.pi * (1 - np.cos(np.radians(10))), rel=1e-3)
+    flat = remap(tmp_path, np.full((100, 100, 3), 3.), "--lens", "equidistant", "--fov", 20, "--tilt", tilt, "--tilt-to", to, "--size", "4x2")
+    assert np.allclose(flat[flat[..., 3] > 0][:, :3], 3, rtol=1e-6)
+
+
+def test_texels_can_be_specks_of_a_pixel(tmp_path):
+    """One pixel is enlarged to eight million texels, those at the pole 1e-10 of it: none is taken for a rounding error."""
+    got = remap(tmp_path, np.full((1, 1, 3), .5), "--lens", "equidistant", "--fov", 185, "--size", "4096x2048")
+    assert np.allclose(got[..., :3], .5, rtol=1e-6) and got.shape[2] == 3
+
+
+@pytest.mark.parametrize("span", [90, 180, 200, 359])
+@pytest.mark.parametrize("size, polar_max", [("37x18", 180), ("5x4", 180)])
+def test_part_of_the_longitudes_is_used_to_its_ends(tmp_path, span, size, polar_max):
+    """A texel across the end of a latlong picture takes what is there, on either side of the gap."""
+    got = remap(tmp_path, np.full((100, 200, 3), 2.), "--from", "latlong", "--span", span, "--to", "probe", "--polar-max", polar_max, "--size", size)
+    assert solid_angle_seen(got, polar_max) == pytest.approx(4 * np.pi * span / 360, rel=1e-3)
+    assert np.allclose(got[got[..., 3] > 0][:, :3], 2, rtol=1e-6)
+
+
 def test_huge_numbers_are_refused_or_answered(tmp_path):
     image = np.ones((16, 16, 3))
     for size, code in (("2000000x2000000", 1), ("100000x100000", 1), ("99999999999x2", 2)):
@@ -387,7 +417,8 @@ def test_falloff_files(tmp_path):
         got = remap(tmp_path, image, *args, "--falloff", tmp_path / f, *more)
         assert np.abs(got - 1).max() < (2e-3 if f == "table.txt" else 1e-3), f
     one_line_error(remap(tmp_path, image, *args, "--falloff", tmp_path / "two.json", "--aperture", 8, code=1), "fishremap", "f8", "f11")
-    for text in ("{", "{\"f1\": 3", "0 1 1\n", "0 1 1 1\n50 0 1 1\n", "polynomial rn 1 0 -2\n", "polynomial px 1\n", ""):
+    long = "polynomial rn 1 " + "0 " * 2 + " " * 1000 + "12345\n"   # cut after "123" it would still be a number
+    for text in ("{", "{\"f1\": 3", "{\"f1\": {\"2\": 0.1}} {", "0 1 1\n", long, "0 1 1 1\n50 0 1 1\n", "polynomial rn 1 0 -2\n", "polynomial px 1\n", ""):
         (tmp_path / "bad").write_text(text)
         one_line_error(remap(tmp_path, image, *args, "--falloff", tmp_path / "bad", code=1), "fishremap", "expected")
 
