@@ -87,14 +87,15 @@ double ilf_pdf(const ilf_slice *sl, const double dir[3])
     return density(sl, search_cell(sl, cell_of(d)));
 }
 
-void ilf_slice_record(ilf_slice *sl, double visible, double tests)
+void ilf_slice_record(ilf_slice *sl, const ilf_past *more)
 {
-    sl->visible += (float)visible;
-    sl->tests += (float)tests;
+    sl->past.visible += more->visible;
+    sl->past.tests += more->tests;
+    sl->past.mean2 += more->mean2;
+    sl->past.var += more->var;
 }
 
-void ilf_slice_history(const ilf_slice *sl, double *visible, double *tests)
+void ilf_slice_history(const ilf_slice *sl, ilf_past *past)
 {
-    *visible = (double)sl->visible;
-    *tests = (double)sl->tests;
+    *past = sl->past;
 }
