@@ -204,8 +204,8 @@ typedef struct ilf_draw {
 } ilf_draw;
 
 /* Draw a direction distributed as the slice's map: u in [0, 1) runs through the map along a
- * space-filling curve, (v, w) in [0, 1)^2 place it within a cell. */
-void ilf_sample(ilf_draw *draw, const ilf_slice *slice, double u, double v, double w);
+ * space-filling curve (ascending u are the quickest), (v, w) in [0, 1)^2 place it within a cell. */
+void ilf_sample(ilf_draw *draw, ilf_slice *slice, double u, double v, double w);
 
 /* The density per steradian with which ilf_sample draws a direction (plane's coordinates, any length). */
 double ilf_pdf(const ilf_slice *slice, const double dir[3]);

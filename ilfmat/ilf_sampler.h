@@ -37,6 +37,7 @@ struct ilf_slice {
     ilf_past past;
     double total;    /* sum of the cells' excess luminance */
     int cells;       /* with light */
+    int last;        /* cell drawn last */
     uint16_t *cell;  /* ascending Morton numbers */
     float *cdf;      /* cells + 1 values from 0 to 1 */
     float *near, *far; /* distances of the light in each cell */

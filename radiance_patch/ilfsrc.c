@@ -50,7 +50,7 @@
 
 #define  ILFCAND		16		/* most candidates per shadow ray */
 #define  ILFFEWCAND	2		/* least */
-#define  ILFCANDCV	7.		/* in proportion to their variation */
+#define  ILFCANDCV	20.		/* in proportion to their variation */
 #define  ILFMINCAND	64		/* but at least this many for what we see */
 #define  ILFLEASTCAND	8		/* and this many for any point */
 #define  ILFHIST		48		/* tests before we believe history */
