@@ -1,36 +1,34 @@
-"""`make bench-fishremap`: fishremap beside OpenCV's remap on the same pictures: error, energy, CPU time.
+"""`make bench-fishremap`: fishremap beside OpenCV's remap, hugin's nona and ffmpeg's v360 on the same pictures: error, energy, CPU time.
 
 Source: 1024 x 1024 equidistant fisheye of 185 degrees, area-sampled; target: the contract's probe.  Errors are
-relative RMSE to exact solid-angle means.  CPU is one thread: for OpenCV its remap with tables prebuilt, for
-fishremap the same ("apply": slopes and weights' use, weights prebuilt) and all together (weights made once and thrown away).
+relative RMSE to exact solid-angle means.  CPU is one thread.  "apply": for OpenCV its remap with tables prebuilt, for
+fishremap the same (slopes and weights' use, weights prebuilt), for v360 a further frame, for nona what grows with the number of rows.
+A peer has the same array before it nine times, fishremap nine pictures that were
+just loaded.  OpenCV's 3 x 3 points a texel see a twenty-second of the pixels at 64 x 64; fishremap reads all, so the time to read them is given.
+"all": with tables or weights made once and thrown away; for nona and v360 the whole process, reading and writing included.
 """
 import json
 import os
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
+import fishremap_peers  # noqa: E402
 import fishremap_util as U  # noqa: E402
-
-try:
-    import cv2
-    cv2.setNumThreads(1)
-except ImportError:
-    cv2 = None
 
 BIN = Path(os.environ.get("ILF_BUILD", "build")).resolve() / "bin" / "fishremap"
 HALF = np.radians(92.5)
 SIZES = [(64, 64, 90), (400, 400, 90), (1024, 512, 180)]
 
 
-def ours(folder, source, w, h, polar_max):
+def ours(folder, picture, w, h, polar_max):
     """Pixels, and CPU milliseconds: apply alone (mean over repeats that share a plan), and everything once."""
-    names = []
+    source, names = folder / "source.exr", []
+    U.write_exr(source, picture)
     for k in range(9):
         names.append(folder / f"in{k}.exr")
         if not names[-1].exists():
@@ -40,33 +38,11 @@ def ours(folder, source, w, h, polar_max):
     many = json.loads((folder / "r.json").read_text())["cpu_s"]
     subprocess.run([*args, "-o", folder / "one.exr", names[0]], check=True)
     one = json.loads((folder / "r.json").read_text())["cpu_s"]
-    for n in names:
+    for n in [source, *names]:
         n.unlink()
     image = U.read_exr(folder / "one.exr")[0][..., :3]
     assert np.allclose(image, U.read_exr(folder / "in0.out.exr")[0][..., :3], rtol=1e-5)
     return image, 1e3 * (many["prepare"] + many["remap"]) / 9, 1e3 * (one["prepare"] + one["remap"])
-
-
-def tables(w, h, polar_max, n):
-    y, x = np.mgrid[0:h * n, 0:w * n]
-    theta, r = -np.pi + (x + .5) * 2 * np.pi / (w * n), (y + .5) * np.radians(polar_max) / (h * n) / HALF * 512
-    return (512 - r * np.cos(theta) - .5).astype(np.float32), (512 - r * np.sin(theta) - .5).astype(np.float32)
-
-
-def opencv(source, w, h, polar_max, how, n):
-    t = time.process_time()
-    mx, my = tables(w, h, polar_max, n)
-    made = time.process_time() - t
-
-    def go():
-        big = cv2.remap(source, mx, my, how, borderMode=cv2.BORDER_CONSTANT)
-        return big if n == 1 else cv2.resize(big, (w, h), interpolation=cv2.INTER_AREA)
-    image = go()
-    t = time.process_time()
-    for _ in range(9):
-        go()
-    apply = (time.process_time() - t) / 9
-    return image.astype(float), 1e3 * apply, 1e3 * (apply + made)
 
 
 def energy_error(image, truth, w, h, polar_max):
@@ -83,25 +59,20 @@ def main():
         c = np.array([512 - 61.7 / 92.5 * 512 * np.cos(np.radians(33.3)), 512 - 61.7 / 92.5 * 512 * np.sin(np.radians(33.3))]).astype(int)
         box = (c[0] - 20, c[1] - 20, c[0] + 20, c[1] + 20)
         pictures[k][box[1]:box[3], box[0]:box[2]] = U.disc(f, 1024, 1024, 512, 512, 512, lambda r: r * HALF, samples=40, window=box)
-    peers = [("OpenCV bilinear", "INTER_LINEAR", 1), ("OpenCV bicubic", "INTER_CUBIC", 1), ("OpenCV Lanczos4", "INTER_LANCZOS4", 1),
-             ("OpenCV 3x3 bilinear", "INTER_LINEAR", 3)] if cv2 else []
-    # 3 x 3 points a texel of 64 x 64 see a thirtieth of the source's pixels; 16 x 16 see all of them, as an area mean must
-    many = [("OpenCV 16x16 bilinear", "INTER_LINEAR", 16)] if cv2 else []
-    if not cv2:
-        print("OpenCV's Python module is not there: fishremap alone (pip install opencv-python-headless for the comparison)")
+    peers, missing = fishremap_peers.peers()
+    for line in missing:
+        print(line)
     print(f"{'':22}{'size':>10}{'lobes':>10}{'checker':>10}{'2 deg':>10}{'0.2 deg':>10}{'apply ms':>10}{'all ms':>10}{'ns/px':>8}")
     for w, h, polar_max in SIZES:
         rows = U.probe_angles(w, h, polar_max)[1] < 91
         exact = {k: U.probe(f, w, h, polar_max, 24 if w == 64 else 8) for k, f in scenes.items()}
         result = {}
-        for name, how, n in [("fishremap", None, 0), *peers, *(many if w == 64 else [])]:
+        for name, peer, only in [("fishremap", ours, None), *peers]:
+            if only not in (None, (w, h)):
+                continue
             cells, cpu = [], []
             for k, image in pictures.items():
-                if how is None:
-                    U.write_exr(folder / f"{k}.exr", image)
-                    got, apply, everything = ours(folder, folder / f"{k}.exr", w, h, polar_max)
-                else:
-                    got, apply, everything = opencv(image, w, h, polar_max, getattr(cv2, how), n)
+                got, apply, everything = peer(folder, image, w, h, polar_max)
                 cpu.append((apply, everything))
                 cells.append(U.rel_rmse(got, exact[k], rows) if k in exact else
                              energy_error(got, 1000 * 2 * np.pi * (1 - np.cos(np.radians(lamps[k][1] / 2))), w, h, polar_max))
@@ -109,8 +80,9 @@ def main():
             result[name] = cells[1]
             print(f"{name:22}{f'{w}x{h}':>10}{cells[0]:10.2e}{cells[1]:10.4f}{cells[2]:+10.2%}{cells[3]:+10.2%}{apply:10.1f}{everything:10.1f}{1e6 * apply / (w * h):8.0f}")
         if peers:
-            best = min(v for k, v in result.items() if k != "fishremap")
-            print(f"{'':22}{'':>10}{'':>10}{result['fishremap'] / best - 1:+10.0%} against the best peer here")
+            best = min((k for k in result if k != "fishremap"), key=result.get)
+            print(f"{'reading all pixels once':62}{'':20}{fishremap_peers.reading_ms(pictures['lobes']):10.1f}")
+            print(f"{'':42}{result['fishremap'] / result[best] - 1:+10.0%} against the best peer here, {best}")
 
 
 if __name__ == "__main__":

@@ -295,6 +295,36 @@ def test_wide_field_and_far_centre(tmp_path):
     one_line_error(r, "fishremap", "-500")
 
 
+def solid_angle_seen(got, polar_max=90):
+    alpha = got[..., 3] if got.shape[2] == 4 else np.ones(got.shape[:2])
+    return (alpha * U.probe_solid_angle(got.shape[1], got.shape[0], polar_max)[:, None]).sum()
+
+
+@pytest.mark.parametrize("tilt, to", [(45, 45), (45, 0), (60, 90), (30, 20), (10, 70)])
+def test_a_narrow_field_is_not_lost_in_large_texels(tmp_path, tilt, to):
+    """20 degrees of field lie within one texel of 4 x 2, or across an edge, without holding any of its corners."""
+    scene = U.lobes(8, 2)
+    got = remap(tmp_path, U.fisheye(scene, 100, 20, samples=3), "--lens", "equidistant", "--fov", 20, "--tilt", tilt, "--tilt-to", to, "--size", "4x2")
+    assert solid_angle_seen(got) == pytest.approx(2 * np.pi * (1 - np.cos(np.radians(10))), rel=1e-3)
+    flat = remap(tmp_path, np.full((100, 100, 3), 3.), "--lens", "equidistant", "--fov", 20, "--tilt", tilt, "--tilt-to", to, "--size", "4x2")
+    assert np.allclose(flat[flat[..., 3] > 0][:, :3], 3, rtol=1e-6)
+
+
+def test_texels_can_be_specks_of_a_pixel(tmp_path):
+    """One pixel is enlarged as if to 4096 x 2048 texels, those at the pole 1e-10 of it: none is taken for a rounding error."""
+    got = remap(tmp_path, np.full((1, 1, 3), .5), "--lens", "equidistant", "--fov", 185, "--size", "4096x64", "--polar-max", 2.8125)
+    assert np.allclose(got[..., :3], .5, rtol=1e-6) and got.shape[2] == 3
+
+
+@pytest.mark.parametrize("span", [90, 180, 200, 359])
+@pytest.mark.parametrize("size, polar_max", [("37x18", 180), ("5x4", 180)])
+def test_part_of_the_longitudes_is_used_to_its_ends(tmp_path, span, size, polar_max):
+    """A texel across the end of a latlong picture takes what is there, on either side of the gap."""
+    got = remap(tmp_path, np.full((100, 200, 3), 2.), "--from", "latlong", "--span", span, "--to", "probe", "--polar-max", polar_max, "--size", size)
+    assert solid_angle_seen(got, polar_max) == pytest.approx(4 * np.pi * span / 360, rel=1e-3)
+    assert np.allclose(got[got[..., 3] > 0][:, :3], 2, rtol=1e-6)
+
+
 def test_huge_numbers_are_refused_or_answered(tmp_path):
     image = np.ones((16, 16, 3))
     for size, code in (("2000000x2000000", 1), ("100000x100000", 1), ("99999999999x2", 2)):
@@ -387,7 +417,8 @@ def test_falloff_files(tmp_path):
         got = remap(tmp_path, image, *args, "--falloff", tmp_path / f, *more)
         assert np.abs(got - 1).max() < (2e-3 if f == "table.txt" else 1e-3), f
     one_line_error(remap(tmp_path, image, *args, "--falloff", tmp_path / "two.json", "--aperture", 8, code=1), "fishremap", "f8", "f11")
-    for text in ("{", "{\"f1\": 3", "0 1 1\n", "0 1 1 1\n50 0 1 1\n", "polynomial rn 1 0 -2\n", "polynomial px 1\n", ""):
+    long = "polynomial rn 1 " + "0 " * 2 + " " * 1000 + "12345\n"   # cut after "123" it would still be a number
+    for text in ("{", "{\"f1\": 3", "{\"f1\": {\"2\": 0.1}} {", "0 1 1\n", long, "0 1 1 1\n50 0 1 1\n", "polynomial rn 1 0 -2\n", "polynomial px 1\n", ""):
         (tmp_path / "bad").write_text(text)
         one_line_error(remap(tmp_path, image, *args, "--falloff", tmp_path / "bad", code=1), "fishremap", "expected")
 
@@ -420,10 +451,8 @@ def test_office_circle(tmp_path):
 
 
 @pytest.mark.parametrize("folder, name, centre, radius, slack", [
-    ("mirrorball_bracket_desk_sony", "desk_3.png", (405, 403), 404, 6),
-    ("mirrorball_bracket_desk_sony", "desk_2.png", (405, 403), 404, 6),
-    ("mirrorball_bracket_uiuc_lab", "ball_1_60.png", (132, 132), 131, 1.5),
-    ("mirrorball_bracket_uiuc_lab", "ball_1_24.png", (132, 132), 131, 1.5),
+    *(("mirrorball_bracket_desk_sony", f"desk_{k}.png", (405, 403), 404, 6) for k in (1, 2, 3)),   # stated to 6 pixels
+    *(("mirrorball_bracket_uiuc_lab", f"ball_1_{k}.png", (132, 132), 131, 1.31) for k in (24, 60, 120, 205)),
 ])
 def test_real_mirror_balls(tmp_path, folder, name, centre, radius, slack):
     picture = shared_data(folder) / name
@@ -431,6 +460,29 @@ def test_real_mirror_balls(tmp_path, folder, name, centre, radius, slack):
     x, y, r = json.loads((tmp_path / "r.json").read_text())["spheres"][0]
     assert r == pytest.approx(radius, rel=0.01)
     assert (x, y) == pytest.approx(centre, abs=slack)
+
+
+def photographed_ball(w, h, cx, cy, r, blur, seed=1):
+    """A mirror ball before a ground that it partly has the brightness of; 1 % noise."""
+    rng = np.random.default_rng(seed)
+    inside = U.disc(lambda d: np.ones(d.shape[:-1] + (3,)), w, h, cx, cy, r, U.ball_angle, samples=4, outside=0)
+    image = U.disc(U.lobes(14, 11, 2.), w, h, cx, cy, r, U.ball_angle, mirror=True, samples=3, outside=0)
+    image += (1 - inside) * (.3 + .1 * np.sin(np.arange(w) / 40))[:, None]
+    k = np.exp(-.5 * (np.arange(-4, 5) / blur) ** 2) if blur else np.ones(1)
+    for axis in (0, 1):
+        image = np.apply_along_axis(lambda line: np.convolve(np.pad(line, len(k) // 2, "edge"), k / k.sum(), "valid"), axis, image)
+    return image * rng.normal(1, .01, image.shape)
+
+
+@pytest.mark.parametrize("w, h, cx, cy, r, blur", [
+    (300, 260, 140.3, 131.7, 90.4, 0), (300, 260, 140.3, 131.7, 90.4, 1), (264, 264, 132.4, 131.7, 131.2, 1),   # whole; cut to the ball
+    (264, 264, 132, 132, 134, 1), (300, 260, 60, 131.7, 90.4, .5),   # cut by the frame, on all sides and on one
+])
+def test_a_ball_is_found_within_a_hundredth(tmp_path, w, h, cx, cy, r, blur):
+    U.write_exr(tmp_path / "in.exr", photographed_ball(w, h, cx, cy, r, blur))
+    run("fishremap", "--array", "1x1", "--corners", "auto", "--size", "8x8", "--report", tmp_path / "r.json", "-o", tmp_path / "o.exr", tmp_path / "in.exr")
+    found = json.loads((tmp_path / "r.json").read_text())["spheres"][0]
+    assert found == pytest.approx((cx, cy, r), abs=.01 * r)
 
 
 # ---- several pictures, two views of a ball, the camera's reflection ---------------------------------------
@@ -450,6 +502,20 @@ def test_several_pictures_share_their_weights(tmp_path):
         alone, shared = U.read_exr(tmp_path / "alone.exr")[0], U.read_exr(tmp_path / f"p{k}_probe.exr")[0]
         assert alone.shape == shared.shape and np.allclose(alone, shared, rtol=2e-6, atol=1e-7)
     one_line_error(run("fishremap", *args, "-o", tmp_path / "x.exr", *names, code=2), "fishremap", "%")
+
+
+@pytest.mark.parametrize("w, h, size", [(1, 1, "2x2"), (3, 1, "2x2"), (5, 1, "2x2"), (5, 3, "2x2"), (7, 5, "3x2"), (33, 31, "4x2"), (150, 150, "7x3")])
+def test_shared_weights_of_few_pixels_and_large_texels(tmp_path, w, h, size):
+    """Pixels that no outline cuts are summed in runs: the same as one at a time, wherever a run ends."""
+    names = []
+    for k in range(2):
+        names.append(U.write_exr(tmp_path / f"p{k}.exr", np.random.default_rng(k).uniform(0, 1, (h, w, 3))))
+    for args in (("--lens", "equidistant", "--fov", 185, "--radius", max(w, h), "--polar-max", 90), ("--from", "probe", "--to", "fisheye", "--lens", "equidistant", "--fov", 180)):
+        run("fishremap", "--quiet", *args, "--size", size, "-o", tmp_path / "%_out.exr", *names)
+        for k, name in enumerate(names):
+            run("fishremap", "--quiet", *args, "--size", size, "-o", tmp_path / "alone.exr", name)
+            alone, shared = U.read_exr(tmp_path / "alone.exr")[0], U.read_exr(tmp_path / f"p{k}_out.exr")[0]
+            assert alone.shape == shared.shape and np.allclose(alone, shared, rtol=2e-6, atol=1e-7)
 
 
 def ball_picture(scene, tilt_deg, to_deg, n=220):

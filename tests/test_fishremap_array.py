@@ -322,6 +322,8 @@ def spotlight(zenith, azimuth, distance=60.):
     (5, 6, 1, .03, [(11, 115), (45, 0)], 5, 200, 120),
     (5, 4, 1.3, .5, [(28, 20), (27, 243)], 2, 300, 60),
     (5, 5, 1.5, .25, [(11, 115)], 5, 110, 120),
+    (5, 5, 1, .85, [(11, 115)], 2, 80, 120),
+    (6, 5, 1, .7, [], 2, 80, 120),   # a plain bright table under touching spheres
 ])
 def test_corners_found_among_sharp_shadows(tmp_path, n, m, pitch, ground, spots, tilt, to, distance):
     """Spotlights throw each sphere's shadow on the ground: circles of nearly its size beside it."""
@@ -333,6 +335,43 @@ def test_corners_found_among_sharp_shadows(tmp_path, n, m, pitch, ground, spots,
     q, r = np.array(found["spheres"]), camera.radius()
     assert np.sqrt(((q[:, :2] - camera.pixel(camera.nodes)) ** 2).sum(1).mean()) < .02 * r
     assert q[:, 2].mean() == pytest.approx(r, rel=.01)   # what the issue asks of a single ball
+
+
+TWO = [(28, 20), (27, 243)]
+
+
+@pytest.mark.parametrize("n, m, radius, pitch, ground, spots, tilt, to", [
+    (6, 5, 13, 1, .6, TWO, 0, 0), (8, 8, 13, 1, .8, TWO[:1], 3, 100), (6, 6, 13, 1.3, .6, TWO, 2, 200),   # lit ground, mirrored at its own brightness
+    (7, 7, 13, 1, .6, [], 1, 30), (6, 5, 13, 1, .03, TWO, 0, 0),
+    (5, 7, 20, 1.5, .7, [], 4.9, 0),   # the edge of the table looks like a row of its own
+])
+def test_small_spheres_are_found(tmp_path, n, m, radius, pitch, ground, spots, tilt, to):
+    """A rim of 13 pixels is known to a fraction of a pixel: half a pixel at the centre, a quarter of the radius."""
+    bulbs = [spotlight(*s) for s in spots]
+    built(tmp_path, n, m, pitch, ground=ground, bulbs=bulbs, powers=[(3e5, 3e5, 2.6e5)] * len(bulbs))
+    camera = Camera(n, m, 2 * radius * max(n, m) * pitch * 1.3, pitch, 120, tilt, to, margin=1.3)
+    _, _, found = field(tmp_path, shot(tmp_path, "array.oct", camera), n, m, "--corners", "auto", size="16x8")
+    q, r = np.array(found["spheres"]), camera.radius()
+    assert found["spheres_from"] == "rims"
+    assert np.sqrt(((q[:, :2] - camera.pixel(camera.nodes)) ** 2).sum(1).mean()) < .5
+    assert q[:, 2].mean() == pytest.approx(r, abs=.25)
+
+
+def test_without_rims_the_corners_stand_as_given(tmp_path):
+    """Nothing to see but noise: spheres, pitch and tilt are the corners', to the last digit, and that is said; auto refuses."""
+    rng = np.random.default_rng(8)
+    image = rng.uniform(.2, .8, (330, 420, 3))
+    given = [(60.3, 280.2, 37), (340.1, 281.0, 38), (338.7, 52.6, 37), (61.9, 50.4, 36.5)]
+    text = " ".join("%g,%g,%g" % c for c in given)
+    _, _, found = field(tmp_path, image, 4, 3, "--corners", text, "--camera-distance", 100)
+    assert found["spheres_from"] == "corners"
+    q = np.array(found["spheres"])
+    assert q[[0, 3, 11, 8]] == pytest.approx(np.array(given), abs=2e-3)
+    step = [np.hypot(*(q[b, :2] - q[a, :2])) / (q[a, 2] + q[b, 2]) for a in range(12) for b in (a + 1, a + 4) if b < 12 and (b - a == 4 or b % 4)]
+    assert found["pitch_per_diameter"] == pytest.approx(np.mean(step), rel=1e-4)
+    r = run("fishremap", "--array", "4x3", "--size", "8x8", "--corners", text, "-o", tmp_path / "o.ilf.exr", tmp_path / "array.exr")
+    assert "as given" in r.err
+    one_line_error(field(tmp_path, image, 4, 3, "--corners", "auto", code=1), "fishremap", "--corners")
 
 
 POSITIONS = ((0, 0), (5, 6), (11, 2))

@@ -293,39 +293,79 @@ done:
 
 /* How well a ball's rim shows at a circle: the mean over the rays of how much more the picture changes across it than beyond it (log
  * ratio, at most 2 either way), times the radius, as of two rims the outer one holds the inner as a reflection, and less
- * the more of it is outside the picture. */
-static double rim_votes(const float *grey, int w, int h, double x, double y, double r)
+ * the more of it is outside the picture: there it says nothing.  b: half the width, in pixels, over which a change is seen; what
+ * is beyond begins where the edge's own blur has ended. */
+static double rim_votes(const float *grey, int w, int h, const circle_found *f, double b)
 {
-    double b = fmax(r / 65, 0.5), sum = 0;
+    double from[4] = {-b, b, fmax(1.5 * b, 2.5), 0}, sum = 0;
     int seen = 0;
+    from[3] = from[2] + 3 * b;
     for (int k = 0; k < ANGLES; k++) {
-        float v[3];
-        for (int i = 0; i < 3; i++) {
-            static const double from[4] = {-1, 1, 1.5, 4.5};
-            float p = bilinear(grey, w, h, x + (r + from[i] * b) * cosines[k], y + (r + from[i] * b) * sines[k]);
-            float q = bilinear(grey, w, h, x + (r + from[i + 1] * b) * cosines[k], y + (r + from[i + 1] * b) * sines[k]);
-            v[i] = fabsf(q - p);
-        }
-        if (isnan(v[0]) || isnan(v[2])) continue;
-        sum += fmax(-2, fmin(2, log(((double)v[0] + 0.02) / ((double)v[2] / 1.5 + 0.02))));
+        float v[4];
+        for (int i = 0; i < 4; i++)
+            v[i] = bilinear(grey, w, h, f->x + (f->r + from[i]) * cosines[k], f->y + (f->r + from[i]) * sines[k]);
+        if (isnan(v[0]) || isnan(v[3])) continue;
+        sum += fmax(-2, fmin(2, log(((double)fabsf(v[1] - v[0]) + 0.02) / ((double)fabsf(v[3] - v[2]) / 1.5 + 0.02))));
         seen++;
     }
-    return seen < ANGLES / 4 ? 0 : sum / seen * r * sqrt((double)seen / ANGLES);
+    return seen < ANGLES / 4 ? 0 : sum / seen * f->r * sqrt((double)seen / ANGLES);
 }
 
-/* A ball's reflections have circles of their own, inside of its rim: where a circle near to the one found has clearly more votes, take
- * that. */
+/* Uphill in the votes, which are seen ever finer. */
+static void climb_votes(circle_found *f, const float *grey, int w, int h)
+{
+    double b = fmax(f->r / 65, 1);
+    for (int last = 0; !last; b = fmax(b / M_SQRT2, 1)) {
+        last = b == 1;
+        double best = rim_votes(grey, w, h, f, b);
+        for (double step = b / 2; step > b / 20; step /= 2)
+            for (int moved = 1, it = 0; moved && it < 20; it++) {
+                circle_found from = *f;
+                moved = 0;
+                for (int m = 0; m < 27; m++) {
+                    circle_found t = from;
+                    t.x += step * (m % 3 - 1), t.y += step * (m / 3 % 3 - 1), t.r += step * (m / 9 - 1);
+                    double v = rim_votes(grey, w, h, &t, b);
+                    if (v > best) best = v, *f = t, moved = 1;
+                }
+            }
+    }
+}
+
+/* A picture that has been cut to the ball: as wide and as high as the ball within 1.5 %, and the ball in its middle. */
+static int is_cut_out(const circle_found *f, int w, int h)
+{
+    double wide = fmax(fabs(w - 2 * f->r), fabs(h - 2 * f->r)), off = fmax(fabs(w / 2. - f->x), fabs(h / 2. - f->y));
+    return wide < 0.03 * f->r && off < 0.03 * f->r;
+}
+
+/* The circle, moved and made smaller so that its rim can be seen all around: half a pixel within the frame. */
+static void hold_inside(circle_found *f, int w, int h)
+{
+    f->r = fmin(f->r, (w < h ? w : h) / 2. - 0.5);
+    f->x = fmax(f->r + 0.5, fmin(w - f->r - 0.5, f->x)), f->y = fmax(f->r + 0.5, fmin(h - f->r - 0.5, f->y));
+}
+
+/* From a ball's strongest circle to its rim.  Its reflections have circles of their own, inside of the rim: where a circle near to the
+ * one found has clearly more votes, take that.  There, a clean rim says itself where it is: its strongest edges agree within half a
+ * pixel.  Where they don't, as they are reflections' edges in part, or the ball is an oval by perspective, it is the votes that count.
+ * And who cuts a ball out keeps it whole: then the frame bounds it, which says more than what an unclean rim gains outside. */
 static void to_the_rim(circle_found *f, const float *grey, int w, int h)
 {
     circle_found t = *f;
-    double best = 1.25 * rim_votes(grey, w, h, f->x, f->y, f->r), step = fmax(f->r / 130, 0.5);
+    double step = fmax(f->r / 130, 0.5), b = fmax(f->r / 65, 0.5), best = 1.25 * rim_votes(grey, w, h, f, b);
     for (int r = -2; r <= 9; r++)
         for (int y = -9; y <= 9; y++)
             for (int x = -9; x <= 9; x++) {
-                double v = rim_votes(grey, w, h, f->x + x * step, f->y + y * step, f->r + r * step);
-                if (v > best) best = v, t.x = f->x + x * step, t.y = f->y + y * step, t.r = f->r + r * step;
+                circle_found c = {f->x + x * step, f->y + y * step, f->r + r * step, f->rms, f->share};
+                double v = rim_votes(grey, w, h, &c, b);
+                if (v > best) best = v, t = c;
             }
-    if (memcmp(&t, f, sizeof t) && !circle_refine(&t, grey, w, h, CIRCLE_BALL, fmax(3, 0.01 * t.r))) *f = t;
+    climb_votes(&t, grey, w, h);
+    circle_found own = t;
+    if (!circle_refine(&own, grey, w, h, CIRCLE_BALL, 3) && own.rms < 0.6) t = own;
+    else if (is_cut_out(&t, w, h)) hold_inside(&t, w, h);
+    *f = t;
 }
 
 int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kind, double radius, errmsg *e)
@@ -347,7 +387,7 @@ int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kin
     }
     if (quality > 0 && kind == CIRCLE_BALL) to_the_rim(&best, grey, w, h);
     free(grey);
-    if (!(quality > 0)) return err_set(e, "expected a circle that stands out, found none; give --centre and --radius");
+    if (!(quality > 0)) return err_set(e, "expected a circle that stands out, found none; say where it is (--centre and --radius, or --corners)");
     *f = best;
     return 0;
 }

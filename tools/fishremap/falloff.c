@@ -220,6 +220,11 @@ static int parse_json(falloff *f, const char *text, const char *name, const char
     if (!j) return err_set(e, "out of memory");
     j->p = text, j->name = name;
     if (json_object(j, NULL, 0, e)) goto done;
+    space(j);
+    if (*j->p) {
+        json_bad(j, "nothing after the closing '}'", e);
+        goto done;
+    }
     if (set) snprintf(want, sizeof want, "%s", set);
     else if (f_number > 0) snprintf(want, sizeof want, "f%g", f_number);
     for (int i = 0; i < j->nsets; i++) {

@@ -19,6 +19,7 @@ typedef struct line {
     int n, room;
     int *start;   /* corner k is point start[k] */
     char *inside; /* corner k lies within the source's field */
+    char *meets;  /* the edge that ends at corner k (a side: the one at k) has a point within it between its ends */
 } line;
 
 struct outliner {
@@ -28,6 +29,8 @@ struct outliner {
     int concentric, fine; /* fine: pieces per edge in the table below */
     double *circle;      /* concentric: unit vectors, width*fine + 1 */
     line top, bottom, side;
+    int axis[2];         /* texel that holds the source's axis */
+    int met;             /* a point that refine() tried lay within the field */
     int ready;           /* row, or -1 */
     double *poly;
     int npoly, poly_room;
@@ -71,7 +74,8 @@ static int line_init(line *l, int corners)
 {
     l->start = malloc(sizeof(int) * (size_t)corners);
     l->inside = malloc((size_t)corners);
-    return l->start && l->inside ? 0 : -1;
+    l->meets = calloc((size_t)corners, 1);
+    return l->start && l->inside && l->meets ? 0 : -1;
 }
 
 outliner *outliner_new(const chart *dst, const chart *src)
@@ -86,6 +90,12 @@ outliner *outliner_new(const chart *dst, const chart *src)
     if (line_init(&o->top, dst->width + 1) || line_init(&o->bottom, dst->width + 1) ||
         line_init(&o->side, dst->width + 2))
         goto fail;
+    double axis[2];
+    int seen = chart_project(axis, dst, src->frame[2]);
+    for (int k = 0; k < 2; k++) {
+        int last = (k ? dst->height : dst->width) - 1;
+        o->axis[k] = !seen || !(axis[k] >= 0) ? -1 : axis[k] <= last ? (int)axis[k] : last;
+    }
     if (o->concentric) {
         double step = dst->lon_span / dst->width;
         o->fine = chords(src->radius, step);
@@ -113,6 +123,7 @@ void outliner_free(outliner *o)
         free(l[k]->xy);
         free(l[k]->start);
         free(l[k]->inside);
+        free(l[k]->meets);
     }
     free(o->circle);
     free(o->poly);
@@ -138,7 +149,7 @@ static int refine(outliner *o, line *l, const double a[2], const double pa[2], c
     double dx = near(o, pb[0] - pa[0]), dy = pb[1] - pa[1];
     if (dx * dx + dy * dy < 1 || depth == 0) return 0;
     double m[2] = {0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])}, pm[2];
-    at(pm, o, m[0], m[1]);
+    o->met |= at(pm, o, m[0], m[1]);
     double ex = near(o, pm[0] - pa[0]) - 0.5 * dx, ey = pm[1] - pa[1] - 0.5 * dy;
     if (ex * ex + ey * ey < FLATNESS * FLATNESS) return 0;
     return refine(o, l, a, pa, m, pm, depth - 1) || push(l, pm) || refine(o, l, m, pm, b, pb, depth - 1);
@@ -165,9 +176,11 @@ static int make_line(outliner *o, line *l, int y)
     for (int x = 0; x <= w; x++) {
         double b[2] = {x, y}, pb[2];
         char in = (char)at(pb, o, x, y);
+        o->met = 0;
         if (x && refine(o, l, a, pa, b, pb, MAX_DEPTH)) return -1;
         l->start[x] = l->n;
         l->inside[x] = in;
+        l->meets[x] = (char)o->met;
         if (push(l, pb)) return -1;
         memcpy(a, b, sizeof a);
         memcpy(pa, pb, sizeof pa);
@@ -184,8 +197,10 @@ static int make_sides(outliner *o, int y)
         l->start[x] = l->n;
         if (o->concentric) continue;
         const double a[2] = {x, y}, b[2] = {x, y + 1};
+        o->met = 0;
         if (refine(o, l, a, o->top.xy + 2 * o->top.start[x], b, o->bottom.xy + 2 * o->bottom.start[x], MAX_DEPTH))
             return -1;
+        l->meets[x] = (char)o->met;
     }
     l->start[o->dst->width + 1] = l->n;
     return 0;
@@ -248,16 +263,36 @@ int outliner_sense(const outliner *o)
     return o->sense;
 }
 
+/* Does the source's field reach into texel x?  A corner may lie in it, an edge may cross it, or the texel may hold all of it. */
+static int reaches(const outliner *o, int x)
+{
+    const line *t = &o->top, *b = &o->bottom, *s = &o->side;
+    return t->inside[x] | t->inside[x + 1] | b->inside[x] | b->inside[x + 1] | t->meets[x + 1] | b->meets[x + 1] | s->meets[x] |
+           s->meets[x + 1] | (x == o->axis[0] && o->ready == o->axis[1]);
+}
+
+/* The period in which the contour lies in the picture, as far as it does: a picture of part of the longitudes has one such. */
+static void into_the_picture(outliner *o)
+{
+    double lo = INFINITY, hi = -INFINITY;
+    for (int k = 0; k < o->npoly; k++) lo = fmin(lo, o->poly[2 * k]), hi = fmax(hi, o->poly[2 * k]);
+    double shift = o->period * nearbyint((0.5 * (lo + hi) - 0.5 * o->src->width) / o->period);
+    for (int k = 0; shift != 0 && k < o->npoly; k++) o->poly[2 * k] -= shift;
+}
+
 int outliner_texel(const double **xy, int *n, outliner *o, int x)
 {
     const line *t = &o->top, *b = &o->bottom, *s = &o->side;
-    if (!(t->inside[x] | t->inside[x + 1] | b->inside[x] | b->inside[x + 1])) return 0;
+    if (!reaches(o, x)) return 0;
     o->npoly = 0;
     if (add_run(o, t, t->start[x], t->start[x + 1])) return -1;
     if (s->start[x + 1] < s->start[x + 2] && add_run(o, s, s->start[x + 1], s->start[x + 2] - 1)) return -1;
     if (add_run(o, b, b->start[x + 1], b->start[x])) return -1;
     if (s->start[x] < s->start[x + 1] && add_run(o, s, s->start[x + 1] - 1, s->start[x])) return -1;
-    if (o->period > 0 && close_over_pole(o)) return -1;
+    if (o->period > 0) {
+        if (close_over_pole(o)) return -1;
+        into_the_picture(o);
+    }
     *xy = o->poly;
     *n = o->npoly;
     return 1;

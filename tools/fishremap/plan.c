@@ -2,9 +2,16 @@
  * plan.c - weights made once, for any number of pictures (remap.h).
  *
  * Kept per band of destination rows, in the order of the source's pixels: a picture is then read once from
- * top to bottom, a pixel's slopes are made when it is met, and what it gives goes to the band's texels,
- * which stay in the cache.  Sums don't depend on the number of threads: a band is one thread's.
+ * top to bottom, and what a pixel gives goes to the band's texels, which stay in the cache.  A pixel that no outline cuts gives
+ * its mean, whatever its slopes: runs of such pixels are a plain sum of products.  Slopes are made, as they are met, for those alone
+ * that are cut:
+ *
+ *      . . . . / . . .     of a large texel's pixels nearly all are whole;
+ *      . . . / . . . .     those under the line give to both texels
+ *
+ * Sums don't depend on the number of threads: a band is one thread's.
  */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -20,11 +27,17 @@ typedef struct giver {
     uint32_t end;  /* its pieces are those from the giver before it up to here */
 } giver;
 
+typedef struct run {
+    uint32_t px, n, texel; /* pixels px, px + 1, ... that lie within one texel; n is a multiple of 4, weights beyond them are 0 */
+} run;
+
 typedef struct band {
-    giver *g;
+    giver *g; /* pixels that are cut */
     piece *p;
+    run *r;
+    float *w; /* of the runs' pixels, one after the other */
     float *alpha;
-    size_t ng, np;
+    size_t ng, np, nr, nw;
 } band;
 
 struct remap_plan {
@@ -92,6 +105,62 @@ static int put_in_order(band *b, gather *a, const chart *src)
     return 0;
 }
 
+/* Fill the last run up to a multiple of 4 with weights of 0: behind it, or before it where the picture ends. */
+static void end_run(band *b, size_t npx)
+{
+    run *r = b->nr ? b->r + b->nr - 1 : NULL;
+    if (!r || r->n % 4 == 0) return;
+    uint32_t n = r->n, all = (n + 3) & ~3u, first = r->px + all > npx ? (uint32_t)npx - all : r->px, lead = r->px - first;
+    float *w = b->w + b->nw - n;
+    memmove(w + lead, w, n * sizeof *w);
+    memset(w, 0, lead * sizeof *w);
+    memset(w + lead + n, 0, (all - n - lead) * sizeof *w);
+    *r = (run){first, all, r->texel};
+    b->nw += all - n;
+}
+
+/* Overlaps whose centroid is the pixel's own become runs; what is cut moves up.  A run is no longer than
+ * what the picture has in fours, so that it can be filled up. */
+static int find_runs(band *b, size_t npx, size_t width)
+{
+    size_t ng = 0, np = 0, from = 0, room = 0, most = npx & ~(size_t)3;
+    b->w = malloc((4 * b->ng + 4) * sizeof *b->w);
+    if (!b->w) return -1;
+    for (size_t k = 0; k < b->ng; k++) {
+        giver g = b->g[k];
+        const piece *p = b->p + from;
+        uint32_t px = (uint32_t)(g.y * width + g.x);
+        size_t n = g.end - from;
+        from = g.end;
+        if (n > 1 || fabsf(p->wx) + fabsf(p->wy) > 1e-7f * p->w || !most) {
+            memmove(b->p + np, p, n * sizeof *p);
+            np += n;
+            g.end = (uint32_t)np;
+            b->g[ng++] = g;
+            continue;
+        }
+        run *r = b->nr ? b->r + b->nr - 1 : NULL;
+        if (!r || r->texel != p->texel || r->px + r->n != px || r->n == most) {
+            end_run(b, npx);
+            if (b->nr == room) {
+                room = room ? 2 * room : 256;
+                run *q = realloc(b->r, room * sizeof *q);
+                if (!q) return -1;
+                b->r = q;
+            }
+            r = b->r + b->nr++;
+            *r = (run){px, 0, p->texel};
+        }
+        b->w[b->nw++] = p->w;
+        r->n++;
+    }
+    end_run(b, npx);
+    b->ng = ng, b->np = np;
+    float *w = realloc(b->w, (b->nw + 1) * sizeof *w); /* a smaller block, if there is one */
+    if (w) b->w = w;
+    return 0;
+}
+
 static int band_make(band *b, gather *a, row *r, bench *t, const geometry *g, int from, int to)
 {
     int w = g->dst->width;
@@ -102,7 +171,9 @@ static int band_make(band *b, gather *a, row *r, bench *t, const geometry *g, in
         if (row_make(r, t, g, y) || gather_row(a, r, w, (uint32_t)(y - from) * (uint32_t)w)) return -1;
         memcpy(b->alpha + (size_t)(y - from) * (size_t)w, r->alpha, sizeof(float) * (size_t)w);
     }
-    return put_in_order(b, a, g->src);
+    return put_in_order(b, a, g->src) || find_runs(b, (size_t)g->src->width * (size_t)g->src->height, (size_t)g->src->width)
+               ? -1
+               : 0;
 }
 
 int remap_plan_new(remap_plan **plan, const chart *dst, const chart *src, errmsg *e)
@@ -152,6 +223,8 @@ void remap_plan_free(remap_plan *p)
     for (int k = 0; k < p->nbands; k++) {
         free(p->bands[k].g);
         free(p->bands[k].p);
+        free(p->bands[k].r);
+        free(p->bands[k].w);
         free(p->bands[k].alpha);
     }
     free(p->bands);
@@ -161,25 +234,50 @@ void remap_plan_free(remap_plan *p)
 int64_t remap_plan_size(const remap_plan *p)
 {
     int64_t n = 0;
-    for (int k = 0; k < p->nbands; k++) n += (int64_t)p->bands[k].np;
+    for (int k = 0; k < p->nbands; k++) n += (int64_t)(p->bands[k].np + p->bands[k].nw);
     return n;
 }
 
-/* sum: the band's texels, 4 floats each, zero to begin with. */
+/* What the whole pixels give, run by run from *k on as long as a run begins before pixel `until`; *w goes along. */
+static void give_runs(slope_v4 *sum, size_t *k, const float **w, const band *b, const slope_v4 *pix, size_t until)
+{
+    const float *q = *w;
+    size_t j = *k;
+    for (; j < b->nr && b->r[j].px < until; j++) {
+        const slope_v4 *v = pix + b->r[j].px;
+        uint32_t n = b->r[j].n;
+        slope_v4 s0 = {0}, s1 = {0}, s2 = {0}, s3 = {0};
+        for (uint32_t i = 0; i < n; i += 4) s0 += q[i] * v[i], s1 += q[i + 1] * v[i + 1], s2 += q[i + 2] * v[i + 2], s3 += q[i + 3] * v[i + 3];
+        sum[b->r[j].texel] += (s0 + s1) + (s2 + s3);
+        q += n;
+    }
+    *k = j, *w = q;
+}
+
+/* All that a band's pixels give.  sum: the band's texels, 4 floats each.  Whole pixels go first, a row ahead of those that are cut, which
+ * then find their neighbours in the cache. */
 static void give(slope_v4 *sum, const band *b, const remap_source *s, int wrap)
 {
-    int w = s->width, h = s->height;
+    enum { AHEAD = 64 }; /* pieces; they are read once, and there are more of them than pixels */
+    int w = s->width, h = s->height, last = -1;
     const slope_v4 *pix = (const slope_v4 *)s->pix;
     const piece *p = b->p;
+    const float *weight = b->w;
+    size_t done = 0;
     for (size_t k = 0; k < b->ng; k++) {
         int x = b->g[k].x, y = b->g[k].y;
-        const slope_v4 *c = pix + (size_t)y * (size_t)w + (size_t)x, *end_of_row = pix + (size_t)(y + 1) * (size_t)w;
-        const slope_v4 *left = x > 0 ? c - 1 : wrap ? end_of_row - 1 : c, *right = x + 1 < w ? c + 1 : wrap ? end_of_row - w : c;
+        if (y != last) give_runs(sum, &done, &weight, b, pix, (size_t)(y + 2) * (size_t)w);
+        last = y;
+        const slope_v4 *c = pix + (size_t)y * (size_t)w + (size_t)x;
+        const slope_v4 *left = x > 0 ? c - 1 : wrap ? c + (w - 1) : c, *right = x + 1 < w ? c + 1 : wrap ? c - (w - 1) : c;
         const slope_v4 *up = y > 0 ? c - w : c, *down = y + 1 < h ? c + w : c;
         slope_v4 v = *c, gx, gy;
         slope_pixel(&gx, &gy, v, *left, *right, *up, *down);
+        __builtin_prefetch(p + AHEAD);
+        __builtin_prefetch(p + AHEAD + 4); /* the next cache line */
         for (const piece *end = b->p + b->g[k].end; p < end; p++) sum[p->texel] += p->w * v + p->wx * gx + p->wy * gy;
     }
+    give_runs(sum, &done, &weight, b, pix, SIZE_MAX);
 }
 
 int remap_apply(float *rgb, float *alpha, const remap_plan *p, const remap_source *s, errmsg *e)

@@ -52,6 +52,9 @@ typedef struct outcome {
     double pitch, polar_valid_deg, tilt_deg; /* arrays */
     sphere_seen *spheres;    /* arrays: where they are; the caller frees them */
     int nspheres;
+    const char *spheres_from; /* "rims": fitted to all of them; "corners": as those say; pitch and tilt follow.  NULL for no array */
+    int rims_seen;          /* rims within a pixel of the grid */
+    double rims_rms;        /* of the spheres' own rims about it, pixels */
     char remark[512];        /* worth telling, or "" */
 } outcome;
 

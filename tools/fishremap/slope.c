@@ -27,16 +27,23 @@ static int64_t mark_bad(float *pix, unsigned char *bad, size_t n)
     return nbad;
 }
 
+/* Does a pixel with its centre at (dx, dy) reach beyond the circle? */
+static int reaches_beyond(double dx, double dy, double radius)
+{
+    double x = fabs(dx) + 0.5, y = fabs(dy) + 0.5;
+    return x * x + y * y > radius * radius;
+}
+
 /* One pixel cut by the circle, at (x, y): the value of the nearest one inwards that lies wholly inside. */
 static void hold_pixel(float *pix, unsigned char *bad, const chart *c, int x, int y)
 {
     int w = c->width, h = c->height;
-    double dx = x + 0.5 - c->cx, dy = y + 0.5 - c->cy, r = hypot(dx, dy);
+    double dx = x + 0.5 - c->cx, dy = y + 0.5 - c->cy, r = sqrt(dx * dx + dy * dy);
     for (double back = 0.5; back < 3; back += 0.5) {
         double k = (r - back) / r;
         int xs = (int)floor(c->cx + dx * k), ys = (int)floor(c->cy + dy * k);
         if (xs < 0 || ys < 0 || xs >= w || ys >= h) return;
-        if (hypot(fabs(xs + 0.5 - c->cx) + 0.5, fabs(ys + 0.5 - c->cy) + 0.5) > c->radius) continue;
+        if (reaches_beyond(xs + 0.5 - c->cx, ys + 0.5 - c->cy, c->radius)) continue;
         size_t from = (size_t)ys * (size_t)w + (size_t)xs, to = (size_t)y * (size_t)w + (size_t)x;
         memcpy(pix + 4 * to, pix + 4 * from, 4 * sizeof *pix);
         if (bad) bad[to] = bad[from];
@@ -69,8 +76,8 @@ static void hold_rim(float *pix, unsigned char *bad, const chart *c)
         for (int x = all[0]; x < all[1]; x++) {
             if (x == core[0] && core[1] > core[0]) x = core[1];
             if (x >= all[1]) break;
-            double dx = fabs(x + 0.5 - c->cx);
-            if (hypot(dx + 0.5, dy + 0.5) > c->radius && hypot(dx, dy) <= outer) hold_pixel(pix, bad, c, x, y);
+            double dx = x + 0.5 - c->cx;
+            if (reaches_beyond(dx, dy, c->radius) && dx * dx + dy * dy <= outer * outer) hold_pixel(pix, bad, c, x, y);
         }
     }
 }

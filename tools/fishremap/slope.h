@@ -34,21 +34,43 @@ void source_free(remap_source *s);
 
 typedef float slope_v4 __attribute__((vector_size(16)));
 typedef int slope_i4 __attribute__((vector_size(16)));
+typedef long long slope_l2 __attribute__((vector_size(16)));
 
 static inline slope_v4 slope_abs(slope_v4 a)
 {
     return (slope_v4)((slope_i4)a & 0x7fffffff);
 }
 
-/* Slope from the differences to the left and to the right, 0 where they differ in sign. */
+#ifdef __SSE__ /* the compiler does not find its min and max in the vector form below */
+#include <xmmintrin.h>
+static inline slope_v4 slope_min(slope_v4 a, slope_v4 b)
+{
+    return (slope_v4)_mm_min_ps((__m128)a, (__m128)b);
+}
+
+static inline slope_v4 slope_max(slope_v4 a, slope_v4 b)
+{
+    return (slope_v4)_mm_max_ps((__m128)a, (__m128)b);
+}
+#else
+static inline slope_v4 slope_min(slope_v4 a, slope_v4 b)
+{
+    slope_i4 less = a < b;
+    return (slope_v4)(((slope_i4)a & less) | ((slope_i4)b & ~less));
+}
+
+static inline slope_v4 slope_max(slope_v4 a, slope_v4 b)
+{
+    return -slope_min(-a, -b);
+}
+#endif
+
+/* Slope from the differences to the left and to the right: what is least of their mean and twice each, 0 where they differ in sign. */
 static inline slope_v4 slope_limited(slope_v4 a, slope_v4 b)
 {
-    slope_v4 c = 0.5f * (a + b), p = slope_abs(a), q = slope_abs(b), k = slope_abs(c);
-    slope_i4 less = p < q;
-    slope_v4 twice = 2 * (slope_v4)(((slope_i4)p & less) | ((slope_i4)q & ~less));
-    slope_i4 fits = k < twice, sign = (slope_i4)c & (int)0x80000000, same = a * b > 0;
-    slope_v4 s = (slope_v4)(((slope_i4)k & fits) | ((slope_i4)twice & ~fits));
-    return (slope_v4)(((slope_i4)s | sign) & same);
+    const slope_v4 zero = {0, 0, 0, 0};
+    slope_v4 c = 0.5f * (a + b), low = slope_min(a, b), high = slope_max(a, b);
+    return slope_max(slope_min(low + low, c), zero) + slope_min(slope_max(high + high, c), zero);
 }
 
 /* Both slopes of a pixel from its four neighbours; its lowest corner stays >= 0. */
@@ -57,7 +79,8 @@ static inline void slope_pixel(slope_v4 *gx, slope_v4 *gy, slope_v4 p, slope_v4 
     slope_v4 x = slope_limited(p - left, right - p), y = slope_limited(p - up, down - p);
     slope_v4 dip = 0.5f * (slope_abs(x) + slope_abs(y));
     slope_i4 low = dip > p;
-    if (low[0] | low[1] | low[2])
+    slope_l2 any = (slope_l2)low; /* of the fourth channel both are 1 and 0 */
+    if (any[0] | any[1])
         for (int c = 0; c < 3; c++) {
             float k = !low[c] ? 1 : p[c] > 0 ? p[c] / dip[c] : 0;
             x[c] *= k, y[c] *= k;

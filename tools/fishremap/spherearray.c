@@ -191,13 +191,23 @@ static int locate(sphere_seen *q, sphere_grid *g, outcome *o, const settings *s,
     if (sphere_grid_init(g, s->nu, s->nv, corner, rotate, e)) return -1;
     for (int k = 0; k < total; k++) q[k] = sphere_grid_at(NULL, g, k % s->nu, k / s->nu);
     if (total == 1) return 0; /* one sphere is where it is said, or was found, to be */
-    /* found ones are off by a cell of the search and by what perspective bends the lattice; given ones by the hand's 3 pixels */
     /* found corners are off by a cell of the search and by what perspective bends the lattice; given ones by a hand's 3 pixels in x and y */
     double reach = s->corners_auto ? fmax(0.15 * corner[0].r, 3) : fmax(0.06 * corner[0].r, 5);
-    int rc = s->nu > 1 && s->nv > 1 ? sphere_refine(q, &fit, g, corner, rotate, reach, im->pix, w, h, e) : 1;
+    o->spheres_from = "corners";
+    if (s->nu == 1 || s->nv == 1) {
+        snprintf(o->remark, sizeof o->remark, "a single row: the spheres, pitch and radius are those of the corners %s", s->corners_auto ? "found" : "given");
+        return 0;
+    }
+    int rc = sphere_refine(q, &fit, g, corner, rotate, reach, im->pix, w, h, e);
     if (rc < 0) return -1;
-    if (rc > 0) snprintf(o->remark, sizeof o->remark, "no rims to be seen near the corners: the spheres are where the corners put them");
-    else snprintf(o->remark, sizeof o->remark, "rims of %d of %d spheres within a pixel of the grid, %.2f pixels rms", fit.seen, total, fit.rms);
+    if (rc > 0 && s->corners_auto)
+        return err_set(e, "expected rims around what repeats itself like an array of %d x %d spheres, found none that stand out; give --corners", s->nu, s->nv);
+    if (rc > 0) {
+        snprintf(o->remark, sizeof o->remark, "no rims to be seen near the corners: spheres, pitch and tilt are those of the corners as given");
+        return 0;
+    }
+    o->spheres_from = "rims", o->rims_seen = fit.seen, o->rims_rms = fit.rms;
+    snprintf(o->remark, sizeof o->remark, "rims of %d of %d spheres within a pixel of the grid, %.2f pixels rms", fit.seen, total, fit.rms);
     return 0;
 }
 

@@ -279,7 +279,7 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
     }
     work_free(&a);
     if (!(best > 0)) return err_set(e, "expected an array of %d x %d mirror spheres, found none that look alike; give --corners", n, m);
-    return 0;
+    return n > 1 && m > 1 ? sphere_shift_window(corner, pix, w, h, n, m, rotate, e) : 0;
 }
 
 int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e)

@@ -19,7 +19,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define RAYS 64
+#define RAYS 128 /* two a pixel of the smallest rims: fewer leave the votes rough */
 #define CLOSEST 0.985 /* diameters between neighbours: they cannot be one in the other, but a radius may be a little wrong */
 #define QUIET 0.02 /* log units: changes below are noise */
 #define MOST 2.0   /* the strongest vote */
@@ -29,6 +29,13 @@ typedef struct picture {
     int w, h;
     double co[RAYS], si[RAYS]; /* the rays' directions */
 } picture;
+
+static int picture_init(picture *p, const float *pix, int w, int h)
+{
+    *p = (picture){.grey = circle_grey(pix, w, h), .w = w, .h = h};
+    for (int k = 0; k < RAYS; k++) p->co[k] = cos(2 * M_PI * k / RAYS), p->si[k] = sin(2 * M_PI * k / RAYS);
+    return p->grey ? 0 : -1;
+}
 
 static double at(const picture *p, double x, double y)
 {
@@ -202,19 +209,48 @@ static void straighten(sphere_seen c[4], const sphere_grid *g, double (*shift)[2
     for (int k = 0; k < 4; k++) c[k].x += x[k][0], c[k].y += x[k][1];
 }
 
+int sphere_shift_window(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e)
+{
+    picture p;
+    sphere_grid g = {.n = n, .m = m};
+    sphere_seen c[4], best[4];
+    double mean = (corner[0].r + corner[1].r + corner[2].r + corner[3].r) / 4, b = fmax(1, 0.06 * mean), most = 0;
+    if (picture_init(&p, pix, w, h)) return err_set(e, "out of memory");
+    memcpy(c, corner, sizeof c), memcpy(best, corner, sizeof best);
+    for (int k = 0; k < 9 && !through_corners(&g, c, rotate); k++) {
+        static const int order[9] = {4, 0, 1, 2, 3, 5, 6, 7, 8}; /* as it is first */
+        int di = order[k] % 3 - 1, dj = order[k] / 3 - 1;
+        sphere_seen t[4];
+        sphere_grid try = g;
+        int outside = 0;
+        for (int q = 0; q < 4; q++) {
+            t[q] = sphere_grid_at(NULL, &g, (q == 1 || q == 2 ? n - 1 : 0) + di, (q >= 2 ? m - 1 : 0) + dj);
+            t[q].r = c[q].r;
+            outside |= fmin(fmin(t[q].x, t[q].y), fmin(w - t[q].x, h - t[q].y)) < t[q].r;
+        }
+        if ((k && outside) || through_corners(&try, t, rotate)) continue;
+        double v = all_votes(&try, &p, b, 1);
+        if (k == 0) most = v + 0.05 * fabs(v); /* a neighbour has to be clearly better */
+        else if (v > most) most = v, memcpy(best, t, sizeof t);
+    }
+    memcpy(corner, best, sizeof best);
+    free(p.grey);
+    return 0;
+}
+
 int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double reach,
                   const float *pix, int w, int h, errmsg *e)
 {
     int total = g->n * g->m, rc = -1;
-    picture p = {.grey = circle_grey(pix, w, h), .w = w, .h = h};
+    picture p;
     double(*shift)[2] = malloc(sizeof *shift * (size_t)total);
-    sphere_seen c[4];
+    sphere_seen c[4], found[4];
+    const sphere_grid given = *g;
     memset(fit, 0, sizeof *fit);
-    if (!p.grey || !shift) {
+    if (picture_init(&p, pix, w, h) || !shift) {
         err_set(e, "out of memory");
         goto done;
     }
-    for (int k = 0; k < RAYS; k++) p.co[k] = cos(2 * M_PI * k / RAYS), p.si[k] = sin(2 * M_PI * k / RAYS);
     memcpy(c, corner, sizeof c);
     double mean = (c[0].r + c[1].r + c[2].r + c[3].r) / 4;
     if (through_corners(g, c, rotate)) {
@@ -222,17 +258,24 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_
         goto done;
     }
     place(g, c, corner, reach, &p, rotate);
-    for (int it = 0; it < 4; it++) { /* what the spheres say, and what fits all; the first time far around */
-        sphere_seen t[4];
-        sphere_grid try = *g;
-        memcpy(t, c, sizeof t);
-        for (int k = 0; k < total; k++) own_shift(shift[k], g, &p, k, it ? 2 : reach);
-        straighten(t, g, shift, it ? 1.5 : reach);
-        if (through_corners(&try, t, rotate)) break;
-        climb(&try, t, corner, reach, &p, it ? 0.25 : 1, rotate);
-        double votes = all_votes(&try, &p, 0.5, 1) / mean;
-        if (it && votes <= fit->votes) break;
-        fit->votes = votes, *g = try, memcpy(c, t, sizeof t);
+    fit->votes = all_votes(g, &p, 0.5, 1) / mean;
+    for (int it = 0, better = 1; better && it < 5; it++) { /* what the spheres say, and what fits all; the first time far around */
+        sphere_grid best = *g;
+        better = 0;
+        for (int moved = 0; moved < 2; moved++) { /* from here, and from where the spheres' own shifts point: shadows can mislead them */
+            sphere_seen t[4];
+            sphere_grid try = *g;
+            memcpy(t, c, sizeof t);
+            if (moved) {
+                for (int k = 0; k < total; k++) own_shift(shift[k], g, &p, k, it ? 2 : reach);
+                straighten(t, g, shift, it ? 1.5 : reach);
+            }
+            if (through_corners(&try, t, rotate)) continue;
+            climb(&try, t, corner, reach, &p, it ? 0.25 : 1, rotate);
+            double votes = all_votes(&try, &p, 0.5, 1) / mean;
+            if (votes > fit->votes) fit->votes = votes, best = try, memcpy(found, t, sizeof t), better = 1;
+        }
+        if (better) *g = best, memcpy(c, found, sizeof c);
     }
     if (fit->votes < 0.1) {
         rc = 1;
@@ -249,6 +292,7 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_
     fit->rms = sqrt(sq / total);
     rc = 0;
 done:
+    if (rc) *g = given;
     free(shift);
     free(p.grey);
     return rc;

@@ -65,8 +65,10 @@ int textlines_next(char *line, size_t room, textlines *t)
         while (p < end && isspace((unsigned char)end[-1])) end--;
         size_t n = (size_t)(end - p);
         if (!n) continue;
-        if (n > room - 1) n = room - 1;
+        int cut = n > room - 1;
+        if (cut) n = room - 1;
         memcpy(line, p, n);
+        if (cut) line[n - 1] = '~'; /* no number: half of one must not pass for a whole */
         line[n] = 0;
         return 1;
     }

@@ -18,7 +18,8 @@ typedef struct textlines {
 
 textlines textlines_of(const char *text);
 
-/* Next line that is not empty once "#..." and outer blanks are gone; 0 at the end.  Cut at room - 1. */
+/* Next line that is not empty once "#..." and outer blanks are gone; 0 at the end.  What is longer than
+ * room - 1 is cut, and then ends in '~', which is part of no number. */
 int textlines_next(char *line, size_t room, textlines *t);
 
 /* Numbers of a line, separated by blanks, commas or semicolons: how many there are, or -1 when

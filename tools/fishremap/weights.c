@@ -63,6 +63,7 @@ void bench_free(bench *b)
     overlap_free(b->cells);
     free(b->span);
     free(b->rim);
+    free(b->copy);
 }
 
 int bench_init(bench *b, const geometry *g)
@@ -118,8 +119,8 @@ static int row_push(row *r, uint32_t px, double w, double wx, double wy)
     return 0;
 }
 
-/* Overlaps of the contour begun in b->cells become entries; *total gets the solid angle. */
-static int collect(double *total, row *r, bench *b, const geometry *g, int x0, int y0, int x1, int y1, int sense)
+/* Overlaps of the contour begun in b->cells, those above `least` pixels, become entries; *total gets the solid angle. */
+static int collect(double *total, row *r, bench *b, const geometry *g, int x0, int y0, int x1, int y1, int sense, double least)
 {
     const chart *s = g->src;
     size_t w = (size_t)(x1 - x0);
@@ -134,7 +135,7 @@ static int collect(double *total, row *r, bench *b, const geometry *g, int x0, i
         for (int x = x0; x < x1; x++) {
             const overlap_cell *c = b->span + (x - x0);
             double area = sense * c->area;
-            if (area < 1e-9) continue;
+            if (area < least) continue;
             int px = x;
             if (s->kind == CHART_GRID) px = ((x % s->width) + s->width) % s->width;
             size_t at = (size_t)y * (size_t)s->width + (size_t)px;
@@ -144,6 +145,19 @@ static int collect(double *total, row *r, bench *b, const geometry *g, int x0, i
             *total += area * j;
         }
     }
+    return 0;
+}
+
+/* A picture of part of the longitudes: a texel across the gap between its ends reaches into both. */
+static int add_next_period(bench *b, const double *xy, int n, double period)
+{
+    if (n > b->copy_room) {
+        double *q = realloc(b->copy, sizeof(double) * 2 * (size_t)n);
+        if (!q) return -1;
+        b->copy = q, b->copy_room = n;
+    }
+    for (int k = 0; k < n; k++) b->copy[2 * k] = xy[2 * k] + period, b->copy[2 * k + 1] = xy[2 * k + 1];
+    overlap_contour(b->cells, b->copy, n);
     return 0;
 }
 
@@ -158,28 +172,38 @@ static int texel(row *r, bench *b, const geometry *g, int x, int y)
     if (rc <= 0) return rc;
     double box[4];
     bounds(box, xy, n);
-    int around = 0;
-    if (s->kind == CHART_DISC && b->rim) { /* inside out: the texel around the far pole */
-        double a = sense * twice_area(xy, n) / 2;
-        around = a < -0.25 * M_PI * s->radius * s->radius;
-        if (around) bounds(box, b->rim, b->nrim);
-    }
+    /* inside out: the texel around the far pole */
+    double a = sense * twice_area(xy, n) / 2;
+    int around = s->kind == CHART_DISC && b->rim && a < -0.25 * M_PI * s->radius * s->radius;
+    /* what an outline that runs along the rim and back encloses is rounding; but a texel can itself be a speck of a pixel */
+    double extent = box[2] - box[0] + box[3] - box[1], least = 1e-9;
+    if (fabs(a) < 1 && fabs(a) > 1e-9 * extent * extent) least = 1e-9 * fabs(a);
+    if (around) bounds(box, b->rim, b->nrim);
     int wraps = s->kind == CHART_GRID && s->lon_span > 2 * M_PI * (1 - 1e-12);
     int x0 = wraps ? (int)floor(box[0]) : clamp_int(floor(box[0]), 0, s->width);
     int x1 = wraps ? (int)ceil(box[2]) : clamp_int(ceil(box[2]), 0, s->width);
+    double next = 0;
+    if (s->kind == CHART_GRID && !wraps) {
+        double period = 2 * M_PI * s->width / s->lon_span;
+        next = box[0] < 0 ? period : box[2] > s->width ? -period : 0;
+        if (box[0] + next >= s->width || box[2] + next <= 0) next = 0;
+        if (next != 0) x0 = 0, x1 = s->width;
+    }
     int y0 = clamp_int(floor(box[1]), 0, s->height), y1 = clamp_int(ceil(box[3]), 0, s->height);
     if (x1 > x0 && y1 > y0) {
         if (overlap_begin(b->cells, x0, y0, x1, y1)) return -1;
         overlap_contour(b->cells, xy, n);
         if (around) overlap_contour(b->cells, b->rim, b->nrim);
-        if (collect(&total, r, b, g, x0, y0, x1, y1, sense)) return -1;
+        if (next != 0 && add_next_period(b, xy, n, next)) return -1;
+        if (collect(&total, r, b, g, x0, y0, x1, y1, sense, least)) return -1;
     }
-    if (total > 0) {
-        float k = (float)(1 / total);
-        for (size_t i = first; i < r->n; i++) r->e[i].w *= k, r->e[i].wx *= k, r->e[i].wy *= k;
-        double full = chart_pixel_solid_angle(g->dst, x, y), a = full > 0 ? total / full : 0;
-        r->alpha[x] = (float)(a > 0.998 ? 1 : a);
+    double full = chart_pixel_solid_angle(g->dst, x, y), share = full > 0 ? total / full : 0;
+    if (!(total > 0)) return 0;
+    for (size_t i = first; i < r->n; i++) {
+        entry *e = r->e + i;
+        e->w = (float)(e->w / total), e->wx = (float)(e->wx / total), e->wy = (float)(e->wy / total);
     }
+    r->alpha[x] = (float)(share > 0.998 ? 1 : share);
     return 0;
 }
 

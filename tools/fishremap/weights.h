@@ -35,6 +35,8 @@ typedef struct bench {
     size_t span_room;
     double *rim; /* contour of the image circle, for the texel around the far pole */
     int nrim;
+    double *copy; /* of a contour, a period further */
+    int copy_room;
 } bench;
 
 #define BAND 8 /* rows a thread takes at a time: neighbours share a line */
