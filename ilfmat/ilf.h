@@ -77,6 +77,7 @@ typedef struct ilf_info {
     int n_theta, n_phi;    /* texels of one probe: columns, rows */
     ilf_type type;         /* texels as stored (mixed channels count as float) */
     const char *compression; /* OpenEXR's name: "none", "zip", ...; static */
+    int interleaved;       /* the file holds the texels a second time, in the order that lookups like best */
     float origin[3], U[3], V[3];
     double polar_max;      /* polar angle at the map's lower edge, (0, pi] */
     double polar_valid;    /* beyond it lookups hold the value at it; at most polar_max here */

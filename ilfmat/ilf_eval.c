@@ -8,12 +8,10 @@
  *      |  \                            probe q in direction h - q.
  *   ---q---p--q---  plane
  *
- * Everything is computed in double: the field's texels may differ a thousandfold from one
- * to the next, which multiplies any error of position, and the scene may lie far from the
- * world's origin.
+ * Here the ray is brought into the plane's frame and to its four probes, in double, for the scene may lie far from the
+ * world's origin; what the probes hold for it is ilf_look.h's.
  */
-#include "ilf_angle.h"
-#include "ilf_internal.h"
+#include "ilf_look.h"
 
 /* Coordinates in the plane's frame. */
 typedef struct vec {
@@ -32,115 +30,47 @@ static double grid_coordinate(double x, double len, int n)
 {
     if (n == 1) return 0;
     const double s = x / len * (n - 1);
-    return fmin(fmax(s, 0), n - 1); /* also takes infinities; a NaN becomes 0 */
+    return s > 0 ? s < n - 1 ? s : n - 1 : 0; /* also takes infinities; a NaN becomes 0 */
 }
 
-/* Position of probe i along an edge; a single probe stands in the middle. */
-static double probe_position(int i, double len, int n)
+static double larger(double a, double b)
 {
-    return n == 1 ? 0.5 * len : len * i / (n - 1);
+    return a > b ? a : b;
 }
 
-/* Where a direction falls in a probe: the same in all of them when there is no depth correction. */
-typedef struct place {
-    size_t x0, x1; /* bytes from the row's start to the two columns' texels */
-    double a;      /* weight of the second column */
-    size_t row;    /* bytes to the first row */
-    double top;    /* weight of the first row; the rest is below's */
-    enum { NEXT_ROW, POLE_ABOVE, POLE_BELOW, NOTHING } below;
-} place;
-
-static place find_place(const ilf *f, vec d)
-{
-    const int nt = f->info.n_theta, np = f->info.n_phi;
-    const double phi = fmin(ilf_atan2(sqrt(d.u * d.u + d.v * d.v), d.n), f->info.polar_valid);
-    const double theta = ilf_atan2(d.v, d.u);
-    place at;
-
-    /* column: theta wraps; fx lies in [-1/2, n_theta - 1/2] */
-    const double fx = (theta + ILF_PI) * (nt / (2 * ILF_PI)) - 0.5;
-    int x0 = (int)(fx + 1) - 1, x1 = x0 + 1;
-    at.a = fx - x0;
-    if (x0 < 0) x0 += nt;
-    if (x0 >= nt) x0 -= nt;
-    if (x1 >= nt) x1 -= nt;
-    at.x0 = (size_t)x0 * f->texel_bytes;
-    at.x1 = (size_t)x1 * f->texel_bytes;
-
-    /* row: towards a pole the value goes to the mean of the nearest row */
-    const double fy = phi * (np / f->info.polar_max) - 0.5;
-    if (fy < 0) {
-        at.row = 0;
-        at.top = fmax(2 * fy + 1, 0);
-        at.below = POLE_ABOVE;
-    } else if (fy >= np - 1) {
-        at.row = (size_t)(np - 1) * f->row_bytes;
-        at.top = f->full_sphere ? 1 - fmin(2 * (fy - (np - 1)), 1) : 1;
-        at.below = f->full_sphere ? POLE_BELOW : NOTHING;
-    } else {
-        const int y0 = (int)fy;
-        at.row = (size_t)y0 * f->row_bytes;
-        at.top = 1 - (fy - y0);
-        at.below = NEXT_ROW;
-    }
-    return at;
-}
-
-/* Add w times probe p's radiance at a place: as rows to be read, or to sum. */
-static int add_probe(ilf_tap *tap, double sum[3], const ilf *f, const probe *p, const place *at, double w)
-{
-    const double top = w * at->top, rest = w - top;
-
-    tap[0] = (ilf_tap){p->pix + at->row, at->x0, at->x1, top - top * at->a, top * at->a};
-    switch (at->below) {
-    case NEXT_ROW:
-        tap[1] = (ilf_tap){tap[0].row + f->row_bytes, at->x0, at->x1, rest - rest * at->a, rest * at->a};
-        return 2;
-    case POLE_ABOVE:
-    case POLE_BELOW:
-        for (int c = 0; c < 3; c++) sum[c] += rest * (double)p->pole[at->below == POLE_BELOW][c];
-        break;
-    case NOTHING:
-        break;
-    }
-    return 1;
-}
-
-/* The largest coordinate's size, so that directions of any length can be brought near 1. */
+/* The largest coordinate's size. */
 static double largest(vec a)
 {
-    return fmax(fabs(a.u), fmax(fabs(a.v), fabs(a.n)));
+    return larger(fabs(a.u), larger(fabs(a.v), fabs(a.n)));
 }
 
-static vec scaled(vec a, double s)
+/* The direction in the frame, its largest coordinate brought to 1: for those whose squares might overflow or vanish. */
+__attribute__((noinline, cold)) static int normal_direction(vec *d, const ilf_frame *fr, const double dir[3])
 {
-    return (vec){a.u * s, a.v * s, a.n * s};
-}
+    vec a = to_frame(fr, dir);
+    double size = largest(a);
 
-/* The same direction, its largest coordinate (size > 0) brought to 1. */
-static vec normal_size(vec a, double size)
-{
-    if (size > 1e-300) return scaled(a, 1 / size);
-    return (vec){a.u / size, a.v / size, a.n / size}; /* the reciprocal would overflow */
+    if (!(size < 1e300)) { /* sums of three that large may overflow */
+        const double less[3] = {dir[0] * 0x1p-8, dir[1] * 0x1p-8, dir[2] * 0x1p-8};
+        a = to_frame(fr, less);
+        size = largest(a);
+    }
+    if (!(size > 0)) return 0;
+    *d = (vec){a.u / size, a.v / size, a.n / size}; /* a reciprocal might overflow */
+    return 1;
 }
 
 ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3], const double dir[3],
                     const double *hit, ilf_mode mode, ilf_error *err)
 {
     const double *from = hit ? hit : origin;
+    const double finite = (from[0] - from[0]) + (from[1] - from[1]) + (from[2] - from[2]) + (dir[0] - dir[0]) +
+                          (dir[1] - dir[1]) + (dir[2] - dir[2]); /* 0, else NaN */
 
-    for (int c = 0; c < 3; c++)
-        if (!isfinite(from[c]) || !isfinite(dir[c]))
-            return ilf_fail(err, ILF_ERR_ARG, "ray: expected finite coordinates");
+    if (!(finite == 0)) return ilf_fail(err, ILF_ERR_ARG, "ray: expected finite coordinates");
     vec d = to_frame(fr, dir);
-    double size = largest(d);
-    if (!(size < 1e300)) { /* sums of three that large may overflow */
-        const double less[3] = {dir[0] * 0x1p-8, dir[1] * 0x1p-8, dir[2] * 0x1p-8};
-        d = to_frame(fr, less);
-        size = largest(d);
-    }
-    if (!(size > 0)) return ilf_fail(err, ILF_ERR_ARG, "ray: expected a direction that is not zero");
-    d = normal_size(d, size);
+    if (!ilf_usual_size(largest(d)) && !normal_direction(&d, fr, dir))
+        return ilf_fail(err, ILF_ERR_ARG, "ray: expected a direction that is not zero");
 
     if (d.n <= 0) { /* no light from below the plane */
         rgb[0] = rgb[1] = rgb[2] = 0;
@@ -162,30 +92,28 @@ ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const doubl
     const double s = grid_coordinate(pu, len_u, n_u), t = grid_coordinate(pv, len_v, n_v);
     const int i0 = (int)s, j0 = (int)t;
     const double a = s - i0, b = t - j0;
-    const int corrected = hit && mode == ILF_DEPTH;
-    double sum[3] = {0, 0, 0};
-    ilf_tap tap[8];
-    int taps = 0;
-    place at = {0};
+    const double w[4] = {(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b};
+    const int64_t first = (int64_t)j0 * n_u + i0;
+    ilf_cell cell;
 
-    if (!corrected) at = find_place(f, d);
     for (int k = 0; k < 4; k++) {
-        const int i = i0 + (k & 1), j = j0 + (k >> 1);
-        const double w = (k & 1 ? a : 1 - a) * (k >> 1 ? b : 1 - b);
-
-        if (w <= 0) continue; /* also keeps i < n_u, j < n_v */
-        const int64_t m = (int64_t)j * n_u + i;
+        /* a weight of 0 also keeps i < n_u, j < n_v; probe (i0, j0) has a weight always */
+        const int64_t m = w[k] > 0 ? first + (k & 1) + (k >> 1) * (int64_t)n_u : first;
         const ilf_status st = ilf_need_probe(f, m, err);
         if (st != ILF_OK) return st;
-        if (corrected) {
-            const double qu = probe_position(i, len_u, n_u), qv = probe_position(j, len_v, n_v);
-            const vec to = {h.u - qu - qv * fr->cos_uv, h.v - qv - qu * fr->cos_uv, h.n};
-            const double dist = largest(to);
-            at = find_place(f, dist > 0 ? normal_size(to, dist) : d);
-        }
-        taps += add_probe(tap + taps, sum, f, &f->probes[m], &at, w);
+        cell.w[k] = w[k];
+        cell.probe[k] = &f->probes[m];
+        cell.pix[k] = atomic_load_explicit(&f->probes[m].pix, memory_order_relaxed);
     }
-    f->sum(sum, f, tap, taps);
-    for (int c = 0; c < 3; c++) rgb[c] = (float)sum[c];
+    cell.d[0] = d.u, cell.d[1] = d.v, cell.d[2] = d.n;
+    if (!hit || mode != ILF_DEPTH) {
+        f->look[ILF_NO_DEPTH](rgb, f, &cell);
+        return ILF_OK;
+    }
+    cell.h[0] = h.u, cell.h[1] = h.v, cell.h[2] = h.n;
+    cell.i = n_u == 1 ? 1 : i0, cell.j = n_v == 1 ? 1 : j0;
+    cell.len_u = len_u, cell.len_v = len_v, cell.cos_uv = fr->cos_uv;
+    const int usual = ilf_usual_size(fabs(h.n)) && largest(h) < 1e100 && len_u < 1e100 && len_v < 1e100;
+    (usual ? f->look[ILF_DEPTH] : ilf_look_plain_depth)(rgb, f, &cell);
     return ILF_OK;
 }

@@ -3,7 +3,7 @@
  *
  * The format: one tiled, ONE_LEVEL OpenEXR part with channels R, G, B; one tile is one probe; tile
  * (i, j) is grid node (i, j).  Header attributes ilf:version (int), ilf:origin, ilf:U, ilf:V (v3f),
- * ilf:polarMax (float), optionally ilf:polarValid (float).  Further parts are ignored here.
+ * ilf:polarMax (float), optionally ilf:polarValid (float).  Further parts: ilf_layout.c.
  *
  * Only the header and the table of tile offsets are read.  The table is checked against the
  * file's length, so that a truncated file is refused at once and not in the middle of a
@@ -185,12 +185,11 @@ static ilf_status read_channels(ilf *f, ilf_error *err)
     for (int c = 0; c < 3; c++)
         if (found[c] < 0)
             return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected R, G, B, found no %s", f->path, names[c]);
+    for (int c = 0; c < 3; c++) f->chan_place[c] = found[c];
     f->uniform = half == 0 || half == 3;
     f->is_half = half == 3 || f->is_dwa; /* DWA keeps no more than a half's precision */
     f->info.type = half == 3 ? ILF_HALF : ILF_FLOAT;
     f->texel_bytes = f->is_half ? 2 : 4;
-    f->sum = ilf_choose_sum(f->is_half);
-    for (int c = 0; c < 3; c++) f->chan_offset[c] = (size_t)found[c] * (size_t)f->info.n_theta * f->texel_bytes;
     f->row_bytes = 3 * (size_t)f->info.n_theta * f->texel_bytes;
     if ((int64_t)f->row_bytes > ILF_MAX_PROBE_BYTES / f->info.n_phi)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected probes of at most %lld bytes, found %dx%d texels", f->path,
@@ -347,6 +346,7 @@ static ilf_status make_probes(ilf *f, ilf_error *err)
         f->map = m;
         madvise(m, (size_t)f->info.file_bytes, MADV_RANDOM); /* no read-ahead past what is touched */
     }
+    ilf_choose_layout(f);
     return ILF_OK;
 }
 

@@ -1,0 +1,264 @@
+/*
+ * ilf_look_avx2.c - ilf_look.c's step with the four probes side by side, for processors with AVX2, FMA and F16C.
+ *
+ * No branch depends on a random direction: a wrongly guessed one costs as much as an arc tangent, and it stops the
+ * processor from fetching the next lookup's texels while it waits for this one's.  Lane k is probe k.
+ */
+#include "ilf_look.h"
+
+#if defined(__x86_64__) && defined(__GNUC__)
+#include <cpuid.h>
+#include <float.h>
+#include <immintrin.h>
+
+#define AVX2 __attribute__((target("avx2,fma,f16c")))
+#define INLINE_AVX2 static inline __attribute__((always_inline, target("avx2,fma,f16c")))
+
+/* ---- angles --------------------------------------------------------------------------------- */
+
+/* atan2(y, x) as ilf_angle.h has it, with its polynomial. */
+INLINE_AVX2 __m256d atan2_4(__m256d y, __m256d x)
+{
+    const __m256d sign = _mm256_set1_pd(-0.0), zero = _mm256_setzero_pd();
+    const __m256d ax = _mm256_andnot_pd(sign, x), ay = _mm256_andnot_pd(sign, y);
+    const __m256d hi = _mm256_max_pd(ax, ay), lo = _mm256_min_pd(ax, ay);
+    const __m256d upper = _mm256_cmp_pd(lo, _mm256_mul_pd(hi, _mm256_set1_pd(0.41421356237309505)), _CMP_GT_OQ);
+    const __m256d steep = _mm256_cmp_pd(ay, ax, _CMP_GT_OQ), back = _mm256_cmp_pd(x, zero, _CMP_LT_OQ);
+    const __m256d num = _mm256_sub_pd(lo, _mm256_and_pd(upper, hi));
+    const __m256d den = _mm256_max_pd(_mm256_add_pd(hi, _mm256_and_pd(upper, lo)), _mm256_set1_pd(DBL_MIN)); /* (0, 0) gives 0 */
+    const __m256d t = _mm256_div_pd(num, den), z = _mm256_mul_pd(t, t), z2 = _mm256_mul_pd(z, z), z4 = _mm256_mul_pd(z2, z2);
+#define PAIR(c1, c0) _mm256_fmadd_pd(_mm256_set1_pd(c1), z, _mm256_set1_pd(c0))
+    const __m256d p01 = PAIR(-0.33333333276922492141, 0.99999999999924476158);
+    const __m256d p23 = PAIR(-0.14285386553752139329, 0.19999993053555813595);
+    const __m256d p45 = PAIR(-0.089925529061509114781, 0.11103456908947462942);
+    const __m256d p67 = PAIR(-0.037655106012914020993, 0.069741976865952651326);
+#undef PAIR
+    const __m256d p = _mm256_fmadd_pd(_mm256_fmadd_pd(p67, z2, p45), z4, _mm256_fmadd_pd(p23, z2, p01));
+    const __m256d a = _mm256_fmadd_pd(p, t, _mm256_and_pd(upper, _mm256_set1_pd(0.78539816339744831)));
+    /* pi/2 - a if steep, then pi - that if back */
+    const __m256d turn = _mm256_and_pd(_mm256_xor_pd(steep, back), sign);
+    const __m256d from = _mm256_or_pd(_mm256_and_pd(steep, _mm256_set1_pd(1.57079632679489662)),
+                                      _mm256_andnot_pd(steep, _mm256_and_pd(back, _mm256_set1_pd(3.14159265358979324))));
+    const __m256d b = _mm256_add_pd(from, _mm256_xor_pd(a, turn));
+    return _mm256_xor_pd(b, _mm256_and_pd(y, sign));
+}
+
+/* ---- places --------------------------------------------------------------------------------- */
+
+/* The four texels around a direction in each probe: bytes from its first texel, and weights, by corner (0, 0), (1, 0), (0, 1), (1, 1). */
+typedef struct texels {
+    _Alignas(32) double w[4][4];
+    _Alignas(16) int32_t at[4][4];
+} texels;
+
+/* The value is `above` and `below` parts of the poles' means; the rest are texels, as in ilf_look.c's find_place. */
+INLINE_AVX2 void find_texels(texels *t, __m256d *above, __m256d *below, const ilf *f, __m256d theta, __m256d phi, __m256d w)
+{
+    const __m256d zero = _mm256_setzero_pd(), one = _mm256_set1_pd(1), two = _mm256_set1_pd(2);
+    const __m256d last = _mm256_set1_pd((double)(f->info.n_phi - 1));
+
+    /* columns: theta wraps; fx lies in [-1/2, n_theta - 1/2] */
+    const __m256d fx = _mm256_fmadd_pd(_mm256_add_pd(theta, _mm256_set1_pd(ILF_PI)), _mm256_set1_pd(f->columns_per_radian),
+                                       _mm256_set1_pd(-0.5));
+    const __m256d fx0 = _mm256_floor_pd(fx), a = _mm256_sub_pd(fx, fx0);
+    const __m128i n = _mm_set1_epi32(f->info.n_theta), x = _mm256_cvttpd_epi32(fx0), next = _mm_add_epi32(x, _mm_set1_epi32(1));
+    const __m128i step = _mm_set1_epi32((int)f->pixel_bytes);
+    const __m128i x0 = _mm_mullo_epi32(_mm_add_epi32(x, _mm_and_si128(_mm_srai_epi32(x, 31), n)), step);
+    const __m128i x1 = _mm_mullo_epi32(_mm_andnot_si128(_mm_cmpeq_epi32(next, n), next), step);
+
+    /* rows: towards a pole the value goes to the mean of the nearest row */
+    phi = _mm256_min_pd(phi, _mm256_set1_pd(f->info.polar_valid));
+    const __m256d fy = _mm256_fmadd_pd(phi, _mm256_set1_pd(f->rows_per_radian), _mm256_set1_pd(-0.5));
+    const __m256d held = _mm256_min_pd(_mm256_max_pd(fy, zero), last), fy0 = _mm256_floor_pd(held), b = _mm256_sub_pd(held, fy0);
+    const __m128i y = _mm256_cvttpd_epi32(fy0), row = _mm_set1_epi32((int)f->row_bytes);
+    const __m128i y0 = _mm_mullo_epi32(y, row);
+    const __m128i y1 = _mm_mullo_epi32(_mm_min_epi32(_mm_add_epi32(y, _mm_set1_epi32(1)), _mm_set1_epi32(f->info.n_phi - 1)), row);
+    const __m256d pole_above = _mm256_min_pd(_mm256_mul_pd(_mm256_max_pd(_mm256_sub_pd(zero, fy), zero), two), one);
+    const __m256d pole_below = _mm256_min_pd(_mm256_mul_pd(_mm256_max_pd(_mm256_sub_pd(fy, last), zero), two),
+                                             _mm256_set1_pd(f->full_sphere ? 1 : 0));
+
+    *above = _mm256_mul_pd(w, pole_above);
+    *below = _mm256_mul_pd(w, pole_below);
+    const __m256d rest = _mm256_sub_pd(_mm256_sub_pd(w, *above), *below);
+    const __m256d second = _mm256_mul_pd(rest, b), first = _mm256_sub_pd(rest, second);
+    const __m256d w1 = _mm256_mul_pd(first, a), w3 = _mm256_mul_pd(second, a);
+    _mm256_store_pd(t->w[0], _mm256_sub_pd(first, w1));
+    _mm256_store_pd(t->w[1], w1);
+    _mm256_store_pd(t->w[2], _mm256_sub_pd(second, w3));
+    _mm256_store_pd(t->w[3], w3);
+    _mm_store_si128((__m128i *)(void *)t->at[0], _mm_add_epi32(y0, x0));
+    _mm_store_si128((__m128i *)(void *)t->at[1], _mm_add_epi32(y0, x1));
+    _mm_store_si128((__m128i *)(void *)t->at[2], _mm_add_epi32(y1, x0));
+    _mm_store_si128((__m128i *)(void *)t->at[3], _mm_add_epi32(y1, x1));
+}
+
+/* ---- texels --------------------------------------------------------------------------------- */
+
+typedef enum layout { HALF_PLANAR, HALF_TOGETHER, FLOAT_PLANAR, FLOAT_TOGETHER } layout;
+
+/* R, G, B of a texel whose channels lie together, in the upper three lanes.  The lowest takes what lies before (the
+ * tile's head, or memory set aside), so that nothing is read beyond the last texel. */
+INLINE_AVX2 __m256d three(const unsigned char *p, layout how)
+{
+    if (how == HALF_TOGETHER) return _mm256_cvtps_pd(_mm_cvtph_ps(_mm_loadl_epi64((const __m128i *)(const void *)(p - 2))));
+    return _mm256_cvtps_pd(_mm_loadu_ps((const float *)(const void *)(p - 4)));
+}
+
+/* Two halves of a channel in one word, the first low. */
+INLINE_AVX2 int pair(const unsigned char *channel, int32_t x0, int32_t x1)
+{
+    uint32_t both;
+
+    if (x1 == x0 + 2)
+        memcpy(&both, channel + x0, 4);
+    else {
+        uint16_t a, b;
+        memcpy(&a, channel + x0, 2);
+        memcpy(&b, channel + x1, 2);
+        both = (uint32_t)a | (uint32_t)b << 16;
+    }
+    return (int)both;
+}
+
+/* Radiance in the upper three lanes. */
+INLINE_AVX2 __m256d sum_together(const ilf_cell *cell, const texels *t, layout how)
+{
+    __m256d s[4];
+
+    for (int c = 0; c < 4; c++) {
+        s[c] = _mm256_mul_pd(three(cell->pix[0] + t->at[c][0], how), _mm256_broadcast_sd(&t->w[c][0]));
+        for (int k = 1; k < 4; k++)
+            s[c] = _mm256_fmadd_pd(three(cell->pix[k] + t->at[c][k], how), _mm256_broadcast_sd(&t->w[c][k]), s[c]);
+    }
+    return _mm256_add_pd(_mm256_add_pd(s[0], s[1]), _mm256_add_pd(s[2], s[3]));
+}
+
+INLINE_AVX2 __m256d sum_half_planar(const ilf *f, const ilf_cell *cell, const texels *t)
+{
+    __m256d rg = _mm256_setzero_pd();
+    __m128d bb = _mm_setzero_pd();
+    __m128i raw[8];
+
+    for (int k = 0; k < 8; k++) { /* all addresses are known before the first is read */
+        const unsigned char *p = cell->pix[k & 3];
+        const int32_t x0 = t->at[k >> 2 << 1][k & 3], x1 = t->at[(k >> 2 << 1) + 1][k & 3];
+        raw[k] = _mm_setr_epi32(pair(p + f->chan_offset[0], x0, x1), pair(p + f->chan_offset[1], x0, x1),
+                                pair(p + f->chan_offset[2], x0, x1), 0);
+    }
+    for (int k = 0; k < 8; k++) {
+        const __m256 v = _mm256_cvtph_ps(raw[k]); /* R R G G B B */
+        const __m128d w = _mm_loadh_pd(_mm_load_sd(&t->w[k >> 2 << 1][k & 3]), &t->w[(k >> 2 << 1) + 1][k & 3]);
+        rg = _mm256_fmadd_pd(_mm256_cvtps_pd(_mm256_castps256_ps128(v)), _mm256_broadcast_pd(&w), rg);
+        bb = _mm_fmadd_pd(_mm_cvtps_pd(_mm256_extractf128_ps(v, 1)), w, bb);
+    }
+    const __m256d sums = _mm256_hadd_pd(_mm256_castpd128_pd256(bb), rg); /* B B, R R; undefined and G G above */
+    const __m128d low = _mm256_castpd256_pd128(sums), high = _mm256_extractf128_pd(rg, 1);
+    return _mm256_setr_pd(0, _mm_cvtsd_f64(_mm_unpackhi_pd(low, low)), _mm_cvtsd_f64(_mm_hadd_pd(high, high)), _mm_cvtsd_f64(low));
+}
+
+INLINE_AVX2 __m256d sum_float_planar(const ilf *f, const ilf_cell *cell, const texels *t)
+{
+    double s[3];
+
+    for (int c = 0; c < 3; c++) {
+        __m256d sum = _mm256_setzero_pd();
+        for (int k = 0; k < 4; k++) {
+            float v[4];
+            for (int p = 0; p < 4; p++) memcpy(&v[p], cell->pix[p] + f->chan_offset[c] + t->at[k][p], 4);
+            sum = _mm256_fmadd_pd(_mm256_cvtps_pd(_mm_setr_ps(v[0], v[1], v[2], v[3])), _mm256_load_pd(t->w[k]), sum);
+        }
+        const __m128d two = _mm_add_pd(_mm256_castpd256_pd128(sum), _mm256_extractf128_pd(sum, 1));
+        s[c] = _mm_cvtsd_f64(_mm_hadd_pd(two, two));
+    }
+    return _mm256_setr_pd(0, s[0], s[1], s[2]);
+}
+
+AVX2 __attribute__((noinline, cold)) static __m256d add_poles(__m256d sum, const ilf_cell *cell, __m256d above, __m256d below)
+{
+    double part[2][4], s[4];
+
+    _mm256_storeu_pd(part[0], above);
+    _mm256_storeu_pd(part[1], below);
+    _mm256_storeu_pd(s, sum);
+    for (int k = 0; k < 4; k++)
+        for (int b = 0; b < 2; b++)
+            if (part[b][k] > 0)
+                for (int c = 0; c < 3; c++) s[c + 1] += part[b][k] * (double)cell->probe[k]->pole[b][c];
+    return _mm256_loadu_pd(s);
+}
+
+/* ---- the whole step ------------------------------------------------------------------------- */
+
+INLINE_AVX2 void look(float rgb[3], const ilf *f, const ilf_cell *cell, ilf_mode mode, layout how)
+{
+    __m256d theta, phi, above, below;
+    texels t;
+
+    if (mode == ILF_DEPTH) {
+        const __m256d q = _mm256_div_pd(_mm256_mul_pd(_mm256_setr_pd(cell->i, cell->i + 1, cell->j, cell->j + 1),
+                                                      _mm256_setr_pd(cell->len_u, cell->len_u, cell->len_v, cell->len_v)),
+                                        _mm256_setr_pd(f->span_u, f->span_u, f->span_v, f->span_v));
+        const __m256d qu = _mm256_permute4x64_pd(q, 0x44), qv = _mm256_permute4x64_pd(q, 0xfa), skew = _mm256_set1_pd(cell->cos_uv);
+        const __m256d u = _mm256_fnmadd_pd(qv, skew, _mm256_sub_pd(_mm256_set1_pd(cell->h[0]), qu));
+        const __m256d v = _mm256_fnmadd_pd(qu, skew, _mm256_sub_pd(_mm256_set1_pd(cell->h[1]), qv));
+        const __m256d r = _mm256_sqrt_pd(_mm256_fmadd_pd(u, u, _mm256_mul_pd(v, v)));
+        phi = atan2_4(r, _mm256_set1_pd(cell->h[2]));
+        theta = atan2_4(v, u);
+    } else {
+        const double *d = cell->d;
+        const __m128d r = _mm_sqrt_sd(_mm_setzero_pd(), _mm_set_sd(d[0] * d[0] + d[1] * d[1]));
+        const __m128d v = _mm_set_sd(d[1]);
+        const __m256d both = atan2_4(_mm256_set_m128d(_mm_setzero_pd(), _mm_unpacklo_pd(r, v)), _mm256_setr_pd(d[2], d[0], 1, 1));
+        phi = _mm256_permute4x64_pd(both, 0x00);
+        theta = _mm256_permute4x64_pd(both, 0x55);
+    }
+    find_texels(&t, &above, &below, f, theta, phi, _mm256_loadu_pd(cell->w));
+    __m256d sum = how == HALF_PLANAR    ? sum_half_planar(f, cell, &t)
+                  : how == FLOAT_PLANAR ? sum_float_planar(f, cell, &t)
+                                        : sum_together(cell, &t, how);
+    if (_mm256_movemask_pd(_mm256_cmp_pd(_mm256_add_pd(above, below), _mm256_setzero_pd(), _CMP_GT_OQ)))
+        sum = add_poles(sum, cell, above, below);
+    float out[4];
+    _mm_storeu_ps(out, _mm256_cvtpd_ps(sum));
+    memcpy(rgb, out + 1, 3 * sizeof *rgb);
+}
+
+#define LOOK(name, mode, how) \
+    AVX2 static void name(float rgb[3], const ilf *f, const ilf_cell *cell) { look(rgb, f, cell, mode, how); }
+LOOK(half_planar, ILF_NO_DEPTH, HALF_PLANAR)
+LOOK(half_planar_depth, ILF_DEPTH, HALF_PLANAR)
+LOOK(half_together, ILF_NO_DEPTH, HALF_TOGETHER)
+LOOK(half_together_depth, ILF_DEPTH, HALF_TOGETHER)
+LOOK(float_planar, ILF_NO_DEPTH, FLOAT_PLANAR)
+LOOK(float_planar_depth, ILF_DEPTH, FLOAT_PLANAR)
+LOOK(float_together, ILF_NO_DEPTH, FLOAT_TOGETHER)
+LOOK(float_together_depth, ILF_DEPTH, FLOAT_TOGETHER)
+#undef LOOK
+
+/* clang before 16 has no name for f16c in __builtin_cpu_supports; that the system keeps the wide
+ * registers is checked with avx2. */
+static int has_f16c(void)
+{
+    unsigned a, b, c, d;
+
+    return __get_cpuid(1, &a, &b, &c, &d) && (c & bit_F16C);
+}
+
+ilf_look_fn *ilf_look_avx2(const ilf *f, ilf_mode mode)
+{
+    static ilf_look_fn *const all[2][2][2] = {{{half_planar, half_planar_depth}, {half_together, half_together_depth}},
+                                              {{float_planar, float_planar_depth}, {float_together, float_together_depth}}};
+
+    if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma") || !has_f16c()) return NULL;
+    return all[!f->is_half][f->pixel_bytes != f->texel_bytes][mode == ILF_DEPTH];
+}
+
+#else
+
+ilf_look_fn *ilf_look_avx2(const ilf *f, ilf_mode mode)
+{
+    (void)f, (void)mode;
+    return NULL;
+}
+
+#endif
