@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "cli.h"
 #include "ilf.h"
@@ -139,6 +140,7 @@ static void print_header(const char *path, const ilf *field)
            in->n_v > 1 ? f->len_v / (in->n_v - 1) : f->len_v);
     printf("polar max     %.6g degrees\n", in->polar_max * 180 / PI);
     printf("polar valid   %.6g degrees\n", in->polar_valid * 180 / PI);
+    printf("interleaved   %s\n", in->interleaved ? "yes, as a second part" : strcmp(in->compression, "none") ? "when decoded" : "no");
     printf("file size     %.1f MB\n", (double)in->file_bytes * 1e-6);
 }
 
