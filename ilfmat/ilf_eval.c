@@ -8,10 +8,14 @@
  *      |  \                            probe q in direction h - q.
  *   ---q---p--q---  plane
  *
- * Here the ray is brought into the plane's frame and to its four probes, in double, for the scene may lie far from the
- * world's origin; what the probes hold for it is ilf_look.h's.
+ * Everything is computed in double: the field's texels may differ a thousandfold from one
+ * to the next, which multiplies any error of position, and the scene may lie far from the
+ * world's origin.
+ *
+ * This is the lookup of any ray on any processor; ilf_eval_avx2.c has that of usual rays faster.
  */
-#include "ilf_look.h"
+#include "ilf_angle.h"
+#include "ilf_internal.h"
 
 /* Coordinates in the plane's frame. */
 typedef struct vec {
@@ -30,22 +34,17 @@ static double grid_coordinate(double x, double len, int n)
 {
     if (n == 1) return 0;
     const double s = x / len * (n - 1);
-    return s > 0 ? s < n - 1 ? s : n - 1 : 0; /* also takes infinities; a NaN becomes 0 */
-}
-
-static double larger(double a, double b)
-{
-    return a > b ? a : b;
+    return fmin(fmax(s, 0), n - 1); /* also takes infinities; a NaN becomes 0 */
 }
 
 /* The largest coordinate's size. */
 static double largest(vec a)
 {
-    return larger(fabs(a.u), larger(fabs(a.v), fabs(a.n)));
+    return fmax(fabs(a.u), fmax(fabs(a.v), fabs(a.n)));
 }
 
-/* The direction in the frame, its largest coordinate brought to 1: for those whose squares might overflow or vanish. */
-__attribute__((noinline, cold)) static int normal_direction(vec *d, const ilf_frame *fr, const double dir[3])
+/* The direction in the frame, its largest coordinate brought to 1. */
+static int normal_direction(vec *d, const ilf_frame *fr, const double dir[3])
 {
     vec a = to_frame(fr, dir);
     double size = largest(a);
@@ -60,17 +59,108 @@ __attribute__((noinline, cold)) static int normal_direction(vec *d, const ilf_fr
     return 1;
 }
 
-ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3], const double dir[3],
-                    const double *hit, ilf_mode mode, ilf_error *err)
+/* The cell of the grid that the ray crosses; probe k stands in column k & 1, row k >> 1 of it. */
+typedef struct cell {
+    double w[4];                 /* weights */
+    int64_t m[4];                /* the probes' numbers, where the weight is above 0 */
+    const unsigned char *pix[4]; /* their texels */
+    vec d;                       /* direction */
+    /* with depth correction only */
+    vec h;                       /* where the ray meets the geometry, from probe (0, 0) */
+    double i, j;                 /* column and row of probe 0, of span_u and span_v */
+    double len_u, len_v, cos_uv; /* edges of the sampled rectangle, cosine between them */
+} cell;
+
+/* Where a direction falls in a probe: the same in all of them when there is no depth correction. */
+typedef struct place {
+    size_t x0, x1; /* bytes from the row's start to the two columns' texels */
+    double a;      /* weight of the second column */
+    size_t row;    /* bytes to the first row */
+    double top;    /* weight of the first row; the rest is below's */
+    enum { NEXT_ROW, POLE_ABOVE, POLE_BELOW, NOTHING } below;
+} place;
+
+static place find_place(const ilf *f, vec d)
+{
+    const int nt = f->info.n_theta, np = f->info.n_phi;
+    const double phi = fmin(ilf_atan2(sqrt(d.u * d.u + d.v * d.v), d.n), f->info.polar_valid);
+    const double theta = ilf_atan2(d.v, d.u);
+    place at;
+
+    /* column: theta wraps; fx lies in [-1/2, n_theta - 1/2] */
+    const double fx = (theta + ILF_PI) * f->columns_per_radian - 0.5;
+    int x0 = (int)(fx + 1) - 1, x1 = x0 + 1;
+    at.a = fx - x0;
+    if (x0 < 0) x0 += nt;
+    if (x0 >= nt) x0 -= nt;
+    if (x1 >= nt) x1 -= nt;
+    at.x0 = (size_t)x0 * f->pixel_bytes;
+    at.x1 = (size_t)x1 * f->pixel_bytes;
+
+    /* row: towards a pole the value goes to the mean of the nearest row */
+    const double fy = phi * f->rows_per_radian - 0.5;
+    if (fy < 0) {
+        at.row = 0;
+        at.top = fmax(2 * fy + 1, 0);
+        at.below = POLE_ABOVE;
+    } else if (fy >= np - 1) {
+        at.row = (size_t)(np - 1) * f->row_bytes;
+        at.top = f->full_sphere ? 1 - fmin(2 * (fy - (np - 1)), 1) : 1;
+        at.below = f->full_sphere ? POLE_BELOW : NOTHING;
+    } else {
+        const int y0 = (int)fy;
+        at.row = (size_t)y0 * f->row_bytes;
+        at.top = 1 - (fy - y0);
+        at.below = NEXT_ROW;
+    }
+    return at;
+}
+
+/* Add w times two neighbouring texels of a row. */
+static void add_row(double sum[3], const ilf *f, const unsigned char *row, const place *at, double w)
+{
+    const double w1 = w * at->a, w0 = w - w1;
+
+    for (int c = 0; c < 3; c++) {
+        const unsigned char *p = row + f->chan_offset[c];
+        sum[c] += w0 * ilf_texel_of(p + at->x0, f->is_half) + w1 * ilf_texel_of(p + at->x1, f->is_half);
+    }
+}
+
+/* Add probe k's radiance at a place. */
+static void add_probe(double sum[3], const ilf *f, const cell *cl, int k, const place *at)
+{
+    const unsigned char *row = cl->pix[k] + at->row;
+    const double top = cl->w[k] * at->top, rest = cl->w[k] - top;
+
+    add_row(sum, f, row, at, top);
+    if (at->below == NEXT_ROW)
+        add_row(sum, f, row + f->row_bytes, at, rest);
+    else if (at->below != NOTHING)
+        for (int c = 0; c < 3; c++) sum[c] += rest * (double)f->probes[cl->m[k]].pole[at->below == POLE_BELOW][c];
+}
+
+/* Direction from probe k to the hit, its largest coordinate brought to 1; the ray's own where the two coincide. */
+static vec towards_hit(const ilf *f, const cell *cl, int k)
+{
+    const double qu = cl->len_u * (cl->i + (k & 1)) / f->span_u, qv = cl->len_v * (cl->j + (k >> 1)) / f->span_v;
+    const vec to = {cl->h.u - qu - qv * cl->cos_uv, cl->h.v - qv - qu * cl->cos_uv, cl->h.n};
+    const double size = largest(to);
+
+    if (size > 0) return (vec){to.u / size, to.v / size, to.n / size};
+    return cl->d;
+}
+
+ilf_status ilf_eval_plain(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3], const double dir[3],
+                          const double *hit, ilf_mode mode, ilf_error *err)
 {
     const double *from = hit ? hit : origin;
-    const double finite = (from[0] - from[0]) + (from[1] - from[1]) + (from[2] - from[2]) + (dir[0] - dir[0]) +
-                          (dir[1] - dir[1]) + (dir[2] - dir[2]); /* 0, else NaN */
 
-    if (!(finite == 0)) return ilf_fail(err, ILF_ERR_ARG, "ray: expected finite coordinates");
-    vec d = to_frame(fr, dir);
-    if (!ilf_usual_size(largest(d)) && !normal_direction(&d, fr, dir))
-        return ilf_fail(err, ILF_ERR_ARG, "ray: expected a direction that is not zero");
+    for (int c = 0; c < 3; c++)
+        if (!isfinite(from[c]) || !isfinite(dir[c]))
+            return ilf_fail(err, ILF_ERR_ARG, "ray: expected finite coordinates");
+    vec d;
+    if (!normal_direction(&d, fr, dir)) return ilf_fail(err, ILF_ERR_ARG, "ray: expected a direction that is not zero");
 
     if (d.n <= 0) { /* no light from below the plane */
         rgb[0] = rgb[1] = rgb[2] = 0;
@@ -93,27 +183,34 @@ ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const doubl
     const int i0 = (int)s, j0 = (int)t;
     const double a = s - i0, b = t - j0;
     const double w[4] = {(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b};
-    const int64_t first = (int64_t)j0 * n_u + i0;
-    ilf_cell cell;
+    const int corrected = hit && mode == ILF_DEPTH;
+    double sum[3] = {0, 0, 0};
+    cell cl = {.d = d, .h = h, .i = n_u == 1 ? 1 : i0, .j = n_v == 1 ? 1 : j0, .len_u = len_u, .len_v = len_v, .cos_uv = fr->cos_uv};
+    place at = {0};
 
+    if (!corrected) at = find_place(f, d);
     for (int k = 0; k < 4; k++) {
-        /* a weight of 0 also keeps i < n_u, j < n_v; probe (i0, j0) has a weight always */
-        const int64_t m = w[k] > 0 ? first + (k & 1) + (k >> 1) * (int64_t)n_u : first;
-        const ilf_status st = ilf_need_probe(f, m, err);
+        cl.w[k] = w[k];
+        if (w[k] <= 0) continue; /* also keeps i < n_u, j < n_v */
+        cl.m[k] = (int64_t)(j0 + (k >> 1)) * n_u + i0 + (k & 1);
+        const ilf_status st = ilf_need_probe(f, cl.m[k], err);
         if (st != ILF_OK) return st;
-        cell.w[k] = w[k];
-        cell.probe[k] = &f->probes[m];
-        cell.pix[k] = atomic_load_explicit(&f->probes[m].pix, memory_order_relaxed);
+        cl.pix[k] = atomic_load_explicit(&f->pix[cl.m[k]], memory_order_relaxed);
+        if (corrected) at = find_place(f, towards_hit(f, &cl, k));
+        add_probe(sum, f, &cl, k, &at);
     }
-    cell.d[0] = d.u, cell.d[1] = d.v, cell.d[2] = d.n;
-    if (!hit || mode != ILF_DEPTH) {
-        f->look[ILF_NO_DEPTH](rgb, f, &cell);
-        return ILF_OK;
-    }
-    cell.h[0] = h.u, cell.h[1] = h.v, cell.h[2] = h.n;
-    cell.i = n_u == 1 ? 1 : i0, cell.j = n_v == 1 ? 1 : j0;
-    cell.len_u = len_u, cell.len_v = len_v, cell.cos_uv = fr->cos_uv;
-    const int usual = ilf_usual_size(fabs(h.n)) && largest(h) < 1e100 && len_u < 1e100 && len_v < 1e100;
-    (usual ? f->look[ILF_DEPTH] : ilf_look_plain_depth)(rgb, f, &cell);
+    for (int c = 0; c < 3; c++) rgb[c] = (float)sum[c];
     return ILF_OK;
+}
+
+ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3], const double dir[3],
+                    const double *hit, ilf_mode mode, ilf_error *err)
+{
+    const int corrected = hit && mode == ILF_DEPTH;
+
+    if (f->fast[corrected]) {
+        const int st = f->fast[corrected](rgb, f, fr, hit ? hit : origin, dir, err);
+        if (st != ILF_UNUSUAL) return (ilf_status)st;
+    }
+    return ilf_eval_plain(rgb, f, fr, origin, dir, hit, mode, err);
 }

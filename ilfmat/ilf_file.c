@@ -297,8 +297,9 @@ void ilf_close(ilf *f)
         const int64_t n = (int64_t)f->info.n_u * f->info.n_v;
         for (int64_t k = 0; k < n; k++) free(f->probes[k].decoded);
         free(f->probes);
-        pthread_mutex_destroy(&f->lock);
     }
+    free(f->pix);
+    pthread_mutex_destroy(&f->lock);
     if (f->exr) exr_finish(&f->exr);
     if (f->map) munmap((void *)(uintptr_t)f->map, (size_t)f->info.file_bytes);
     if (f->fd >= 0) close(f->fd);
@@ -339,8 +340,8 @@ static ilf_status make_probes(ilf *f, ilf_error *err)
     const size_t n = (size_t)f->info.n_u * (size_t)f->info.n_v;
 
     f->probes = calloc(n, sizeof *f->probes);
-    if (!f->probes) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for %zu probes", f->path, n);
-    pthread_mutex_init(&f->lock, NULL);
+    f->pix = calloc(n, sizeof *f->pix);
+    if (!f->probes || !f->pix) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for %zu probes", f->path, n);
     void *m = mmap(NULL, (size_t)f->info.file_bytes, PROT_READ, MAP_SHARED, f->fd, 0);
     if (m != MAP_FAILED) {
         f->map = m;
@@ -360,6 +361,7 @@ ilf_status ilf_open(ilf **field, const char *path, ilf_error *err)
         return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory", path);
     }
     f->fd = -1;
+    pthread_mutex_init(&f->lock, NULL);
     if ((st = open_file(f, err)) != ILF_OK || (st = read_layout(f, err)) != ILF_OK ||
         (st = read_channels(f, err)) != ILF_OK || (st = read_attributes(f, err)) != ILF_OK ||
         (st = check_tiles(f, err)) != ILF_OK || (st = make_probes(f, err)) != ILF_OK) {

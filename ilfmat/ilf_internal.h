@@ -31,15 +31,14 @@
  * The TEXEL_HEAD bytes before pix may be read. */
 enum { TEXEL_HEAD = 16 };
 typedef struct probe {
-    const unsigned char *_Atomic pix; /* NULL: not read yet */
     void *decoded;    /* owned memory, or NULL when pix points into the file */
     float pole[2][3]; /* means of the first and the last row: the values at the poles */
     int checked;      /* its texels in the file, once; under lock */
 } probe;
 
-/* What a lookup ends in (ilf_look.h). */
-struct ilf_cell;
-typedef void ilf_look_fn(float rgb[3], const ilf *field, const struct ilf_cell *cell);
+/* A lookup of usual rays: ilf_eval with from = hit, or origin.  An ilf_status, or ILF_UNUSUAL: nothing done. */
+enum { ILF_UNUSUAL = -1 };
+typedef int ilf_fast_fn(float rgb[3], const ilf *field, const ilf_frame *frame, const double from[3], const double dir[3], ilf_error *err);
 
 struct ilf {
     ilf_info info;
@@ -53,7 +52,7 @@ struct ilf {
     int is_half;          /* texels in memory */
     double columns_per_radian, rows_per_radian;
     double span_u, span_v; /* probe (i, j) stands at i/span_u, j/span_v of the edges; single ones, i = 1, in the middle */
-    ilf_look_fn *look[2]; /* by ilf_mode, for the texels' order and type and this processor */
+    ilf_fast_fn *fast[2]; /* without and with depth correction, for the texels' order and type and this processor; or NULL */
     size_t texel_bytes, pixel_bytes, row_bytes, probe_bytes; /* of a channel, a texel, a row, a probe */
     size_t chan_offset[3];
     int is_dwa;           /* compressed with DWA, which has a decoder of its own */
@@ -62,6 +61,7 @@ struct ilf {
     int in_place;         /* tiles are used where they are in the mapped file */
     int second_part;      /* number of the part that holds the texels interleaved; 0: none */
     probe *probes;        /* n_u*n_v, i fastest */
+    const unsigned char *_Atomic *pix; /* of each probe, NULL until it is read */
     pthread_mutex_t lock; /* held while a probe is read */
     ilf_usage usage;      /* under lock */
     ilf_error exr_words;  /* OpenEXR's own words, under lock */
@@ -96,12 +96,17 @@ void ilf_choose_layout(ilf *field);
 int ilf_same_texels(const ilf *field, const unsigned char *pix, uint64_t planar);
 int ilf_copy_texels(const ilf *field, unsigned char *pix, uint64_t planar);
 
+/* ilf_eval in plain C, for any ray on any processor; and what is faster where the processor has AVX2, FMA and F16C, else NULL. */
+ilf_status ilf_eval_plain(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3], const double dir[3],
+                          const double *hit, ilf_mode mode, ilf_error *err);
+ilf_fast_fn *ilf_eval_avx2(const ilf *field, int depth);
+
 /* Make probe k ready (ilf_probe.c).  Cheap when it is. */
 ilf_status ilf_load_probe(const ilf *field, int64_t k, ilf_error *err);
 
 static inline ilf_status ilf_need_probe(const ilf *f, int64_t k, ilf_error *err)
 {
-    if (atomic_load_explicit(&f->probes[k].pix, memory_order_acquire)) return ILF_OK;
+    if (atomic_load_explicit(&f->pix[k], memory_order_acquire)) return ILF_OK;
     return ilf_load_probe(f, k, err);
 }
 

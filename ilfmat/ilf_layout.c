@@ -17,7 +17,7 @@
 #include <unistd.h>
 
 #include "exr_header.h"
-#include "ilf_look.h"
+#include "ilf_internal.h"
 
 static int is_interleaved(const ilf *f, int part)
 {
@@ -69,9 +69,8 @@ void ilf_choose_layout(ilf *f)
     f->rows_per_radian = f->info.n_phi / f->info.polar_max;
     f->span_u = f->info.n_u > 1 ? f->info.n_u - 1 : 2;
     f->span_v = f->info.n_v > 1 ? f->info.n_v - 1 : 2;
-    f->look[ILF_NO_DEPTH] = ilf_look_avx2(f, ILF_NO_DEPTH);
-    f->look[ILF_DEPTH] = ilf_look_avx2(f, ILF_DEPTH);
-    if (!f->look[ILF_NO_DEPTH]) f->look[ILF_NO_DEPTH] = ilf_look_plain, f->look[ILF_DEPTH] = ilf_look_plain_depth;
+    f->fast[0] = ilf_eval_avx2(f, 0);
+    f->fast[1] = ilf_eval_avx2(f, 1);
 }
 
 /* ---- from one order to the other ------------------------------------------------------------ */

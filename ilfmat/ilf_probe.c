@@ -178,7 +178,7 @@ static ilf_status bring_in(ilf *f, int64_t k, ilf_error *err)
     row_mean(p->pole[1], f, pix + (size_t)(f->info.n_phi - 1) * f->row_bytes);
     f->usage.probes++;
     *(p->decoded ? &f->usage.decoded_bytes : &f->usage.mapped_bytes) += (int64_t)f->probe_bytes;
-    atomic_store_explicit(&p->pix, pix, memory_order_release);
+    atomic_store_explicit(&f->pix[k], pix, memory_order_release);
     return ILF_OK;
 }
 
@@ -189,7 +189,7 @@ ilf_status ilf_load_probe(const ilf *field, int64_t k, ilf_error *err)
     ilf_status st = ILF_OK;
 
     pthread_mutex_lock(&f->lock);
-    if (!atomic_load_explicit(&f->probes[k].pix, memory_order_relaxed)) st = bring_in(f, k, err);
+    if (!atomic_load_explicit(&f->pix[k], memory_order_relaxed)) st = bring_in(f, k, err);
     pthread_mutex_unlock(&f->lock);
     return st;
 }
@@ -201,7 +201,7 @@ ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix
 
     *own = NULL;
     pthread_mutex_lock(&f->lock);
-    *pix = atomic_load_explicit(&f->probes[k].pix, memory_order_relaxed);
+    *pix = atomic_load_explicit(&f->pix[k], memory_order_relaxed);
     if (!*pix) st = get_tile(f, k, pix, own, err);
     pthread_mutex_unlock(&f->lock);
     return st;
@@ -224,7 +224,7 @@ ilf_status ilf_read_probe(float *rgb, const ilf *f, int i, int j, ilf_error *err
     const int64_t k = (int64_t)j * f->info.n_u + i;
     const ilf_status st = ilf_need_probe(f, k, err);
     if (st != ILF_OK) return st;
-    const unsigned char *pix = f->probes[k].pix;
+    const unsigned char *pix = f->pix[k];
     for (int y = 0; y < f->info.n_phi; y++)
         for (int x = 0; x < f->info.n_theta; x++)
             for (int c = 0; c < 3; c++)

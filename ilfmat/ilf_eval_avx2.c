@@ -1,10 +1,14 @@
 /*
- * ilf_look_avx2.c - ilf_look.c's step with the four probes side by side, for processors with AVX2, FMA and F16C.
+ * ilf_eval_avx2.c - ilf_eval.c's lookup with the four probes side by side, for processors with AVX2, FMA and F16C.
  *
  * No branch depends on a random direction: a wrongly guessed one costs as much as an arc tangent, and it stops the
- * processor from fetching the next lookup's texels while it waits for this one's.  Lane k is probe k.
+ * processor from fetching the next lookup's texels while it waits for this one's.  Lane k is probe k, in column k & 1
+ * and row k >> 1 of the cell that the ray crosses.
+ *
+ * Usual rays: those that need no care against over- and underflow, all coordinates and lengths below 1e100 and the ray
+ * neither within 1e-100 of parallel to the plane nor, with depth correction, as near to it where it meets the geometry.
  */
-#include "ilf_look.h"
+#include "ilf_internal.h"
 
 #if defined(__x86_64__) && defined(__GNUC__)
 #include <cpuid.h>
@@ -120,27 +124,27 @@ INLINE_AVX2 int pair(const unsigned char *channel, int32_t x0, int32_t x1)
     return (int)both;
 }
 
-/* Radiance in the upper three lanes. */
-INLINE_AVX2 __m256d sum_together(const ilf_cell *cell, const texels *t, layout how)
+/* Radiance in the upper three lanes.  depth: the probes' texels stand in different places. */
+INLINE_AVX2 __m256d sum_together(const unsigned char *const pix[4], const texels *t, layout how, int depth)
 {
     __m256d s[4];
 
     for (int c = 0; c < 4; c++) {
-        s[c] = _mm256_mul_pd(three(cell->pix[0] + t->at[c][0], how), _mm256_broadcast_sd(&t->w[c][0]));
+        s[c] = _mm256_mul_pd(three(pix[0] + t->at[c][0], how), _mm256_broadcast_sd(&t->w[c][0]));
         for (int k = 1; k < 4; k++)
-            s[c] = _mm256_fmadd_pd(three(cell->pix[k] + t->at[c][k], how), _mm256_broadcast_sd(&t->w[c][k]), s[c]);
+            s[c] = _mm256_fmadd_pd(three(pix[k] + t->at[c][depth ? k : 0], how), _mm256_broadcast_sd(&t->w[c][k]), s[c]);
     }
     return _mm256_add_pd(_mm256_add_pd(s[0], s[1]), _mm256_add_pd(s[2], s[3]));
 }
 
-INLINE_AVX2 __m256d sum_half_planar(const ilf *f, const ilf_cell *cell, const texels *t)
+INLINE_AVX2 __m256d sum_half_planar(const ilf *f, const unsigned char *const pix[4], const texels *t)
 {
     __m256d rg = _mm256_setzero_pd();
     __m128d bb = _mm_setzero_pd();
     __m128i raw[8];
 
     for (int k = 0; k < 8; k++) { /* all addresses are known before the first is read */
-        const unsigned char *p = cell->pix[k & 3];
+        const unsigned char *p = pix[k & 3];
         const int32_t x0 = t->at[k >> 2 << 1][k & 3], x1 = t->at[(k >> 2 << 1) + 1][k & 3];
         raw[k] = _mm_setr_epi32(pair(p + f->chan_offset[0], x0, x1), pair(p + f->chan_offset[1], x0, x1),
                                 pair(p + f->chan_offset[2], x0, x1), 0);
@@ -156,7 +160,7 @@ INLINE_AVX2 __m256d sum_half_planar(const ilf *f, const ilf_cell *cell, const te
     return _mm256_setr_pd(0, _mm_cvtsd_f64(_mm_unpackhi_pd(low, low)), _mm_cvtsd_f64(_mm_hadd_pd(high, high)), _mm_cvtsd_f64(low));
 }
 
-INLINE_AVX2 __m256d sum_float_planar(const ilf *f, const ilf_cell *cell, const texels *t)
+INLINE_AVX2 __m256d sum_float_planar(const ilf *f, const unsigned char *const pix[4], const texels *t)
 {
     double s[3];
 
@@ -164,7 +168,7 @@ INLINE_AVX2 __m256d sum_float_planar(const ilf *f, const ilf_cell *cell, const t
         __m256d sum = _mm256_setzero_pd();
         for (int k = 0; k < 4; k++) {
             float v[4];
-            for (int p = 0; p < 4; p++) memcpy(&v[p], cell->pix[p] + f->chan_offset[c] + t->at[k][p], 4);
+            for (int p = 0; p < 4; p++) memcpy(&v[p], pix[p] + f->chan_offset[c] + t->at[k][p], 4);
             sum = _mm256_fmadd_pd(_mm256_cvtps_pd(_mm_setr_ps(v[0], v[1], v[2], v[3])), _mm256_load_pd(t->w[k]), sum);
         }
         const __m128d two = _mm_add_pd(_mm256_castpd256_pd128(sum), _mm256_extractf128_pd(sum, 1));
@@ -173,7 +177,7 @@ INLINE_AVX2 __m256d sum_float_planar(const ilf *f, const ilf_cell *cell, const t
     return _mm256_setr_pd(0, s[0], s[1], s[2]);
 }
 
-AVX2 __attribute__((noinline, cold)) static __m256d add_poles(__m256d sum, const ilf_cell *cell, __m256d above, __m256d below)
+AVX2 __attribute__((noinline, cold)) static __m256d add_poles(__m256d sum, const ilf *f, const int64_t m[4], __m256d above, __m256d below)
 {
     double part[2][4], s[4];
 
@@ -183,57 +187,119 @@ AVX2 __attribute__((noinline, cold)) static __m256d add_poles(__m256d sum, const
     for (int k = 0; k < 4; k++)
         for (int b = 0; b < 2; b++)
             if (part[b][k] > 0)
-                for (int c = 0; c < 3; c++) s[c + 1] += part[b][k] * (double)cell->probe[k]->pole[b][c];
+                for (int c = 0; c < 3; c++) s[c + 1] += part[b][k] * (double)f->probes[m[k]].pole[b][c];
     return _mm256_loadu_pd(s);
 }
 
-/* ---- the whole step ------------------------------------------------------------------------- */
+/* ---- the lookup ----------------------------------------------------------------------------- */
 
-INLINE_AVX2 void look(float rgb[3], const ilf *f, const ilf_cell *cell, ilf_mode mode, layout how)
+__attribute__((noinline, cold)) static ilf_status read_probes(const ilf *f, const int64_t m[4], ilf_error *err)
 {
+    ilf_status st = ILF_OK;
+
+    for (int k = 0; k < 4 && st == ILF_OK; k++) st = ilf_need_probe(f, m[k], err);
+    return st;
+}
+
+INLINE_AVX2 double along(const double axis[3], double x, double y, double z)
+{
+    return __builtin_fma(axis[2], z, __builtin_fma(axis[1], y, axis[0] * x));
+}
+
+INLINE_AVX2 __m256d twice(__m128d a)
+{
+    return _mm256_set_m128d(a, a);
+}
+
+INLINE_AVX2 double larger(double a, double b)
+{
+    return _mm_cvtsd_f64(_mm_max_sd(_mm_set_sd(a), _mm_set_sd(b)));
+}
+
+INLINE_AVX2 int lookup(float rgb[3], const ilf *f, const ilf_frame *fr, const double from[3], const double dir[3], ilf_error *err,
+                       int depth, layout how)
+{
+    const double du = along(fr->u, dir[0], dir[1], dir[2]), dv = along(fr->v, dir[0], dir[1], dir[2]), dn = along(fr->n, dir[0], dir[1], dir[2]);
+    const double x = from[0] - fr->origin[0], y = from[1] - fr->origin[1], z = from[2] - fr->origin[2];
+    const double hu = along(fr->u, x, y, z), hv = along(fr->v, x, y, z), hn = along(fr->n, x, y, z);
+    const double most = larger(larger(larger(fabs(du), fabs(dv)), larger(fabs(hu), fabs(hv))), larger(larger(fr->len_u, fr->len_v), fabs(hn)));
+    const double odd = (dn - dn) + (hn - hn); /* 0, or NaN if any coordinate is not finite */
+
+    if (!(most < 1e100) || !(odd == 0) || (depth && !(fabs(hn) > 1e-100))) return ILF_UNUSUAL;
+    if (!(dn > 1e-100 && dn < 1e100)) {
+        if (!(dn < 0 && larger(fabs(du), fabs(dv)) > 1e-100)) return ILF_UNUSUAL;
+        rgb[0] = rgb[1] = rgb[2] = 0; /* no light from below the plane */
+        return ILF_OK;
+    }
+
+    /* back to the plane, and the grid's cell there */
+    const double back = hn / dn;
+    const __m128d p = _mm_fnmadd_pd(_mm_setr_pd(du, dv), _mm_set1_pd(back), _mm_setr_pd(hu, hv));
+    const __m128d len = _mm_setr_pd(fr->len_u, fr->len_v), last = _mm_setr_pd((double)(f->info.n_u - 1), (double)(f->info.n_v - 1));
+    const __m128d s = _mm_min_pd(_mm_max_pd(_mm_mul_pd(_mm_div_pd(p, len), last), _mm_setzero_pd()), last);
+    const __m128i node = _mm_cvttpd_epi32(s);
+    const __m128d node_f = _mm_cvtepi32_pd(node), ab = _mm_sub_pd(s, node_f);
+    const int beyond = _mm_movemask_pd(_mm_cmpgt_pd(ab, _mm_setzero_pd())); /* else the next probe has no weight, and may not exist */
+    const int64_t right = beyond & 1, up = beyond & 2 ? f->info.n_u : 0;
+    const int64_t first = (int64_t)_mm_extract_epi32(node, 1) * f->info.n_u + _mm_cvtsi128_si32(node);
+    const int64_t m[4] = {first, first + right, first + up, first + right + up};
+    const unsigned char *pix[4];
+
+    for (int k = 0; k < 4; k++) pix[k] = atomic_load_explicit(&f->pix[m[k]], memory_order_acquire);
+    if (__builtin_expect(!pix[0] || !pix[1] || !pix[2] || !pix[3], 0)) {
+        const ilf_status st = read_probes(f, m, err);
+        if (st != ILF_OK) return (int)st;
+        for (int k = 0; k < 4; k++) pix[k] = atomic_load_explicit(&f->pix[m[k]], memory_order_relaxed);
+    }
+    const __m128d rest = _mm_sub_pd(_mm_set1_pd(1), ab);
+    const __m256d wu = twice(_mm_unpacklo_pd(rest, ab));
+    const __m256d wv = _mm256_set_m128d(_mm_unpackhi_pd(ab, ab), _mm_unpackhi_pd(rest, rest));
+    const __m256d w = _mm256_mul_pd(wu, wv);
+
     __m256d theta, phi, above, below;
     texels t;
-
-    if (mode == ILF_DEPTH) {
-        const __m256d q = _mm256_div_pd(_mm256_mul_pd(_mm256_setr_pd(cell->i, cell->i + 1, cell->j, cell->j + 1),
-                                                      _mm256_setr_pd(cell->len_u, cell->len_u, cell->len_v, cell->len_v)),
-                                        _mm256_setr_pd(f->span_u, f->span_u, f->span_v, f->span_v));
-        const __m256d qu = _mm256_permute4x64_pd(q, 0x44), qv = _mm256_permute4x64_pd(q, 0xfa), skew = _mm256_set1_pd(cell->cos_uv);
-        const __m256d u = _mm256_fnmadd_pd(qv, skew, _mm256_sub_pd(_mm256_set1_pd(cell->h[0]), qu));
-        const __m256d v = _mm256_fnmadd_pd(qu, skew, _mm256_sub_pd(_mm256_set1_pd(cell->h[1]), qv));
-        const __m256d r = _mm256_sqrt_pd(_mm256_fmadd_pd(u, u, _mm256_mul_pd(v, v)));
-        phi = atan2_4(r, _mm256_set1_pd(cell->h[2]));
+    if (depth) {
+        /* the probes' places: single ones stand in the middle */
+        const __m128d at = _mm_setr_pd(f->info.n_u == 1 ? 1 : 0, f->info.n_v == 1 ? 1 : 0), span = _mm_setr_pd(f->span_u, f->span_v);
+        const __m128d q0 = _mm_add_pd(node_f, at), q1 = _mm_add_pd(q0, _mm_set1_pd(1));
+        const __m256d q = _mm256_div_pd(_mm256_mul_pd(_mm256_set_m128d(q1, q0), twice(len)), twice(span)); /* u0 v0 u1 v1 */
+        const __m256d qu = _mm256_permute4x64_pd(q, 0x88), qv = _mm256_permute4x64_pd(q, 0xf5), skew = _mm256_set1_pd(fr->cos_uv);
+        const __m256d u = _mm256_fnmadd_pd(qv, skew, _mm256_sub_pd(_mm256_set1_pd(hu), qu));
+        const __m256d v = _mm256_fnmadd_pd(qu, skew, _mm256_sub_pd(_mm256_set1_pd(hv), qv));
+        phi = atan2_4(_mm256_sqrt_pd(_mm256_fmadd_pd(u, u, _mm256_mul_pd(v, v))), _mm256_set1_pd(hn));
         theta = atan2_4(v, u);
     } else {
-        const double *d = cell->d;
-        const __m128d r = _mm_sqrt_sd(_mm_setzero_pd(), _mm_set_sd(d[0] * d[0] + d[1] * d[1]));
-        const __m128d v = _mm_set_sd(d[1]);
-        const __m256d both = atan2_4(_mm256_set_m128d(_mm_setzero_pd(), _mm_unpacklo_pd(r, v)), _mm256_setr_pd(d[2], d[0], 1, 1));
+        const __m128d r = _mm_sqrt_sd(_mm_setzero_pd(), _mm_set_sd(__builtin_fma(du, du, dv * dv)));
+        const __m256d both = atan2_4(_mm256_castpd128_pd256(_mm_unpacklo_pd(r, _mm_set_sd(dv))), _mm256_castpd128_pd256(_mm_setr_pd(dn, du)));
         phi = _mm256_permute4x64_pd(both, 0x00);
         theta = _mm256_permute4x64_pd(both, 0x55);
     }
-    find_texels(&t, &above, &below, f, theta, phi, _mm256_loadu_pd(cell->w));
-    __m256d sum = how == HALF_PLANAR    ? sum_half_planar(f, cell, &t)
-                  : how == FLOAT_PLANAR ? sum_float_planar(f, cell, &t)
-                                        : sum_together(cell, &t, how);
+    find_texels(&t, &above, &below, f, theta, phi, w);
+    __m256d sum = how == HALF_PLANAR    ? sum_half_planar(f, pix, &t)
+                  : how == FLOAT_PLANAR ? sum_float_planar(f, pix, &t)
+                                        : sum_together(pix, &t, how, depth);
     if (_mm256_movemask_pd(_mm256_cmp_pd(_mm256_add_pd(above, below), _mm256_setzero_pd(), _CMP_GT_OQ)))
-        sum = add_poles(sum, cell, above, below);
+        sum = add_poles(sum, f, m, above, below);
     float out[4];
     _mm_storeu_ps(out, _mm256_cvtpd_ps(sum));
     memcpy(rgb, out + 1, 3 * sizeof *rgb);
+    return ILF_OK;
 }
 
-#define LOOK(name, mode, how) \
-    AVX2 static void name(float rgb[3], const ilf *f, const ilf_cell *cell) { look(rgb, f, cell, mode, how); }
-LOOK(half_planar, ILF_NO_DEPTH, HALF_PLANAR)
-LOOK(half_planar_depth, ILF_DEPTH, HALF_PLANAR)
-LOOK(half_together, ILF_NO_DEPTH, HALF_TOGETHER)
-LOOK(half_together_depth, ILF_DEPTH, HALF_TOGETHER)
-LOOK(float_planar, ILF_NO_DEPTH, FLOAT_PLANAR)
-LOOK(float_planar_depth, ILF_DEPTH, FLOAT_PLANAR)
-LOOK(float_together, ILF_NO_DEPTH, FLOAT_TOGETHER)
-LOOK(float_together_depth, ILF_DEPTH, FLOAT_TOGETHER)
-#undef LOOK
+#define LOOKUP(name, depth, how)                                                                                                    \
+    AVX2 static int name(float rgb[3], const ilf *f, const ilf_frame *fr, const double from[3], const double dir[3], ilf_error *err) \
+    {                                                                                                                               \
+        return lookup(rgb, f, fr, from, dir, err, depth, how);                                                                      \
+    }
+LOOKUP(half_planar, 0, HALF_PLANAR)
+LOOKUP(half_planar_depth, 1, HALF_PLANAR)
+LOOKUP(half_together, 0, HALF_TOGETHER)
+LOOKUP(half_together_depth, 1, HALF_TOGETHER)
+LOOKUP(float_planar, 0, FLOAT_PLANAR)
+LOOKUP(float_planar_depth, 1, FLOAT_PLANAR)
+LOOKUP(float_together, 0, FLOAT_TOGETHER)
+LOOKUP(float_together_depth, 1, FLOAT_TOGETHER)
+#undef LOOKUP
 
 /* clang before 16 has no name for f16c in __builtin_cpu_supports; that the system keeps the wide
  * registers is checked with avx2. */
@@ -244,20 +310,20 @@ static int has_f16c(void)
     return __get_cpuid(1, &a, &b, &c, &d) && (c & bit_F16C);
 }
 
-ilf_look_fn *ilf_look_avx2(const ilf *f, ilf_mode mode)
+ilf_fast_fn *ilf_eval_avx2(const ilf *f, int depth)
 {
-    static ilf_look_fn *const all[2][2][2] = {{{half_planar, half_planar_depth}, {half_together, half_together_depth}},
+    static ilf_fast_fn *const all[2][2][2] = {{{half_planar, half_planar_depth}, {half_together, half_together_depth}},
                                               {{float_planar, float_planar_depth}, {float_together, float_together_depth}}};
 
     if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma") || !has_f16c()) return NULL;
-    return all[!f->is_half][f->pixel_bytes != f->texel_bytes][mode == ILF_DEPTH];
+    return all[!f->is_half][f->pixel_bytes != f->texel_bytes][depth];
 }
 
 #else
 
-ilf_look_fn *ilf_look_avx2(const ilf *f, ilf_mode mode)
+ilf_fast_fn *ilf_eval_avx2(const ilf *f, int depth)
 {
-    (void)f, (void)mode;
+    (void)f, (void)depth;
     return NULL;
 }
 
