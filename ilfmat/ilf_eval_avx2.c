@@ -18,6 +18,13 @@
 #define AVX2 __attribute__((target("avx2,fma,f16c")))
 #define INLINE_AVX2 static inline __attribute__((always_inline, target("avx2,fma,f16c")))
 
+/* gcc -O2 leaves short loops as they are, with what they sum up in memory; clang does not. */
+#ifdef __clang__
+#define UNROLL
+#else
+#define UNROLL _Pragma("GCC unroll 8")
+#endif
+
 /* ---- angles --------------------------------------------------------------------------------- */
 
 /* atan2(y, x) as ilf_angle.h has it, with its polynomial. */
@@ -49,26 +56,30 @@ INLINE_AVX2 __m256d atan2_4(__m256d y, __m256d x)
 
 /* ---- places --------------------------------------------------------------------------------- */
 
-/* The four texels around a direction in each probe: bytes from its first texel, and weights, by corner (0, 0), (1, 0), (0, 1), (1, 1). */
+/* The four texels around a direction in each probe, by corner (0, 0), (1, 0), (0, 1), (1, 1): bytes from the probe's
+ * first texel, and weights. */
 typedef struct texels {
-    _Alignas(32) double w[4][4];
+    __m256d w[4];
     _Alignas(16) int32_t at[4][4];
+    int apart;             /* somewhere the second column is not the first's neighbour, but the row's first */
+    int poles;             /* the value is also `above` and `below` parts of the poles' means */
+    __m256d above, below;
 } texels;
 
-/* The value is `above` and `below` parts of the poles' means; the rest are texels, as in ilf_look.c's find_place. */
-INLINE_AVX2 void find_texels(texels *t, __m256d *above, __m256d *below, const ilf *f, __m256d theta, __m256d phi, __m256d w)
+/* As ilf_eval.c's find_place. */
+INLINE_AVX2 void find_texels(texels *t, const ilf *f, __m256d theta, __m256d phi, __m256d w)
 {
     const __m256d zero = _mm256_setzero_pd(), one = _mm256_set1_pd(1), two = _mm256_set1_pd(2);
     const __m256d last = _mm256_set1_pd((double)(f->info.n_phi - 1));
 
     /* columns: theta wraps; fx lies in [-1/2, n_theta - 1/2] */
-    const __m256d fx = _mm256_fmadd_pd(_mm256_add_pd(theta, _mm256_set1_pd(ILF_PI)), _mm256_set1_pd(f->columns_per_radian),
-                                       _mm256_set1_pd(-0.5));
+    const __m256d fx = _mm256_fmadd_pd(theta, _mm256_set1_pd(f->columns_per_radian), _mm256_set1_pd(0.5 * f->info.n_theta - 0.5));
     const __m256d fx0 = _mm256_floor_pd(fx), a = _mm256_sub_pd(fx, fx0);
     const __m128i n = _mm_set1_epi32(f->info.n_theta), x = _mm256_cvttpd_epi32(fx0), next = _mm_add_epi32(x, _mm_set1_epi32(1));
-    const __m128i step = _mm_set1_epi32((int)f->pixel_bytes);
-    const __m128i x0 = _mm_mullo_epi32(_mm_add_epi32(x, _mm_and_si128(_mm_srai_epi32(x, 31), n)), step);
-    const __m128i x1 = _mm_mullo_epi32(_mm_andnot_si128(_mm_cmpeq_epi32(next, n), next), step);
+    const __m128i before = _mm_srai_epi32(x, 31), after = _mm_cmpeq_epi32(next, n), step = _mm_set1_epi32((int)f->pixel_bytes);
+    const __m128i x0 = _mm_mullo_epi32(_mm_add_epi32(x, _mm_and_si128(before, n)), step);
+    const __m128i x1 = _mm_mullo_epi32(_mm_andnot_si128(after, next), step);
+    t->apart = _mm_movemask_epi8(_mm_or_si128(before, after));
 
     /* rows: towards a pole the value goes to the mean of the nearest row */
     phi = _mm256_min_pd(phi, _mm256_set1_pd(f->info.polar_valid));
@@ -77,19 +88,20 @@ INLINE_AVX2 void find_texels(texels *t, __m256d *above, __m256d *below, const il
     const __m128i y = _mm256_cvttpd_epi32(fy0), row = _mm_set1_epi32((int)f->row_bytes);
     const __m128i y0 = _mm_mullo_epi32(y, row);
     const __m128i y1 = _mm_mullo_epi32(_mm_min_epi32(_mm_add_epi32(y, _mm_set1_epi32(1)), _mm_set1_epi32(f->info.n_phi - 1)), row);
-    const __m256d pole_above = _mm256_min_pd(_mm256_mul_pd(_mm256_max_pd(_mm256_sub_pd(zero, fy), zero), two), one);
-    const __m256d pole_below = _mm256_min_pd(_mm256_mul_pd(_mm256_max_pd(_mm256_sub_pd(fy, last), zero), two),
-                                             _mm256_set1_pd(f->full_sphere ? 1 : 0));
-
-    *above = _mm256_mul_pd(w, pole_above);
-    *below = _mm256_mul_pd(w, pole_below);
-    const __m256d rest = _mm256_sub_pd(_mm256_sub_pd(w, *above), *below);
-    const __m256d second = _mm256_mul_pd(rest, b), first = _mm256_sub_pd(rest, second);
-    const __m256d w1 = _mm256_mul_pd(first, a), w3 = _mm256_mul_pd(second, a);
-    _mm256_store_pd(t->w[0], _mm256_sub_pd(first, w1));
-    _mm256_store_pd(t->w[1], w1);
-    _mm256_store_pd(t->w[2], _mm256_sub_pd(second, w3));
-    _mm256_store_pd(t->w[3], w3);
+    t->poles = _mm256_movemask_pd(_mm256_cmp_pd(fy, held, _CMP_NEQ_OQ));
+    if (__builtin_expect(t->poles, 0)) {
+        const __m256d part_above = _mm256_min_pd(_mm256_mul_pd(_mm256_max_pd(_mm256_sub_pd(zero, fy), zero), two), one);
+        const __m256d part_below = _mm256_min_pd(_mm256_mul_pd(_mm256_max_pd(_mm256_sub_pd(fy, last), zero), two),
+                                                 _mm256_set1_pd(f->full_sphere ? 1 : 0));
+        t->above = _mm256_mul_pd(w, part_above);
+        t->below = _mm256_mul_pd(w, part_below);
+        w = _mm256_sub_pd(_mm256_sub_pd(w, t->above), t->below);
+    }
+    const __m256d second = _mm256_mul_pd(w, b), first = _mm256_sub_pd(w, second);
+    t->w[1] = _mm256_mul_pd(first, a);
+    t->w[0] = _mm256_sub_pd(first, t->w[1]);
+    t->w[3] = _mm256_mul_pd(second, a);
+    t->w[2] = _mm256_sub_pd(second, t->w[3]);
     _mm_store_si128((__m128i *)(void *)t->at[0], _mm_add_epi32(y0, x0));
     _mm_store_si128((__m128i *)(void *)t->at[1], _mm_add_epi32(y0, x1));
     _mm_store_si128((__m128i *)(void *)t->at[2], _mm_add_epi32(y1, x0));
@@ -98,22 +110,28 @@ INLINE_AVX2 void find_texels(texels *t, __m256d *above, __m256d *below, const il
 
 /* ---- texels --------------------------------------------------------------------------------- */
 
-typedef enum layout { HALF_PLANAR, HALF_TOGETHER, FLOAT_PLANAR, FLOAT_TOGETHER } layout;
+typedef enum layout { HALF_PLANAR, HALF_TOGETHER, FLOAT } layout;
 
-/* R, G, B of a texel whose channels lie together, in the upper three lanes.  The lowest takes what lies before (the
- * tile's head, or memory set aside), so that nothing is read beyond the last texel. */
-INLINE_AVX2 __m256d three(const unsigned char *p, layout how)
+/* Halves are summed in float: of weights and of partial sums, each is rounded by 2^-24 of itself (and the texels
+ * by 2^-11 before).  What waits for a texel is then one conversion and one sum a row, few enough for the processor to
+ * go on to the next lookup meanwhile; in double it is not. */
+
+/* Two texels of three halves: 2 others, R G B, R G B.  From 4 bytes before the first, so that nothing beyond the last is
+ * read (before the probe's first lies its tile's head, or memory set aside). */
+INLINE_AVX2 __m128i two_together(const unsigned char *p, const int32_t at[2][4], int k, int apart)
 {
-    if (how == HALF_TOGETHER) return _mm256_cvtps_pd(_mm_cvtph_ps(_mm_loadl_epi64((const __m128i *)(const void *)(p - 2))));
-    return _mm256_cvtps_pd(_mm_loadu_ps((const float *)(const void *)(p - 4)));
+    if (!apart) return _mm_loadu_si128((const __m128i *)(const void *)(p + at[0][k] - 4));
+    const __m128i a = _mm_loadl_epi64((const __m128i *)(const void *)(p + at[0][k] - 2));
+    const __m128i b = _mm_loadl_epi64((const __m128i *)(const void *)(p + at[1][k] - 2));
+    return _mm_blend_epi16(_mm_slli_si128(a, 2), _mm_slli_si128(b, 8), 0xe0);
 }
 
 /* Two halves of a channel in one word, the first low. */
-INLINE_AVX2 int pair(const unsigned char *channel, int32_t x0, int32_t x1)
+INLINE_AVX2 int pair(const unsigned char *channel, int32_t x0, int32_t x1, int apart)
 {
     uint32_t both;
 
-    if (x1 == x0 + 2)
+    if (!apart)
         memcpy(&both, channel + x0, 4);
     else {
         uint16_t a, b;
@@ -124,71 +142,77 @@ INLINE_AVX2 int pair(const unsigned char *channel, int32_t x0, int32_t x1)
     return (int)both;
 }
 
-/* Radiance in the upper three lanes.  depth: the probes' texels stand in different places. */
-INLINE_AVX2 __m256d sum_together(const unsigned char *const pix[4], const texels *t, layout how, int depth)
+/* The same as 2 others, R R, G G, B B. */
+INLINE_AVX2 __m128i two_planar(const unsigned char *p, const int32_t at[2][4], int k, int apart, const ilf *f)
 {
-    __m256d s[4];
-
-    for (int c = 0; c < 4; c++) {
-        s[c] = _mm256_mul_pd(three(pix[0] + t->at[c][0], how), _mm256_broadcast_sd(&t->w[c][0]));
-        for (int k = 1; k < 4; k++)
-            s[c] = _mm256_fmadd_pd(three(pix[k] + t->at[c][depth ? k : 0], how), _mm256_broadcast_sd(&t->w[c][k]), s[c]);
-    }
-    return _mm256_add_pd(_mm256_add_pd(s[0], s[1]), _mm256_add_pd(s[2], s[3]));
+    return _mm_setr_epi32(0, pair(p + f->chan_offset[0], at[0][k], at[1][k], apart), pair(p + f->chan_offset[1], at[0][k], at[1][k], apart),
+                          pair(p + f->chan_offset[2], at[0][k], at[1][k], apart));
 }
 
-INLINE_AVX2 __m256d sum_half_planar(const ilf *f, const unsigned char *const pix[4], const texels *t)
+/* Radiance in the upper three lanes. */
+INLINE_AVX2 __m128 sum_half(const ilf *f, const unsigned char *const pix[4], const texels *t, layout how, int depth, int apart)
 {
-    __m256d rg = _mm256_setzero_pd();
-    __m128d bb = _mm_setzero_pd();
+    __m256 s[2];
     __m128i raw[8];
 
+    UNROLL
     for (int k = 0; k < 8; k++) { /* all addresses are known before the first is read */
-        const unsigned char *p = pix[k & 3];
-        const int32_t x0 = t->at[k >> 2 << 1][k & 3], x1 = t->at[(k >> 2 << 1) + 1][k & 3];
-        raw[k] = _mm_setr_epi32(pair(p + f->chan_offset[0], x0, x1), pair(p + f->chan_offset[1], x0, x1),
-                                pair(p + f->chan_offset[2], x0, x1), 0);
+        const int32_t(*at)[4] = &t->at[k >> 2 << 1];
+        raw[k] = how == HALF_TOGETHER ? two_together(pix[k & 3], at, depth ? k & 3 : 0, apart)
+                                      : two_planar(pix[k & 3], at, depth ? k & 3 : 0, apart, f);
     }
-    for (int k = 0; k < 8; k++) {
-        const __m256 v = _mm256_cvtph_ps(raw[k]); /* R R G G B B */
-        const __m128d w = _mm_loadh_pd(_mm_load_sd(&t->w[k >> 2 << 1][k & 3]), &t->w[(k >> 2 << 1) + 1][k & 3]);
-        rg = _mm256_fmadd_pd(_mm256_cvtps_pd(_mm256_castps256_ps128(v)), _mm256_broadcast_pd(&w), rg);
-        bb = _mm_fmadd_pd(_mm_cvtps_pd(_mm256_extractf128_ps(v, 1)), w, bb);
+    UNROLL
+    for (int row = 0; row < 2; row++) {
+        /* weights of the first column of probes 0 to 3, then of the second */
+        const __m256 w = _mm256_set_m128(_mm256_cvtpd_ps(t->w[2 * row + 1]), _mm256_cvtpd_ps(t->w[2 * row]));
+        __m256i turn = how == HALF_TOGETHER ? _mm256_setr_epi32(0, 0, 0, 0, 0, 4, 4, 4) : _mm256_setr_epi32(0, 4, 0, 4, 0, 4, 0, 4);
+        s[row] = _mm256_setzero_ps();
+        UNROLL
+        for (int k = 0; k < 4; k++) {
+            s[row] = _mm256_fmadd_ps(_mm256_cvtph_ps(raw[4 * row + k]), _mm256_permutevar8x32_ps(w, turn), s[row]);
+            turn = _mm256_add_epi32(turn, _mm256_set1_epi32(1));
+        }
     }
-    const __m256d sums = _mm256_hadd_pd(_mm256_castpd128_pd256(bb), rg); /* B B, R R; undefined and G G above */
-    const __m128d low = _mm256_castpd256_pd128(sums), high = _mm256_extractf128_pd(rg, 1);
-    return _mm256_setr_pd(0, _mm_cvtsd_f64(_mm_unpackhi_pd(low, low)), _mm_cvtsd_f64(_mm_hadd_pd(high, high)), _mm_cvtsd_f64(low));
+    const __m256 sum = _mm256_add_ps(s[0], s[1]);
+    const __m128 low = _mm256_castps256_ps128(sum), high = _mm256_extractf128_ps(sum, 1);
+    if (how == HALF_TOGETHER) /* . . R G, B R G B */
+        return _mm_add_ps(_mm_castsi128_ps(_mm_alignr_epi8(_mm_castps_si128(high), _mm_castps_si128(low), 4)), high);
+    const __m128 even = _mm_shuffle_ps(low, high, 0x88), odd = _mm_shuffle_ps(low, high, 0xdd); /* . R, G G, B B */
+    return _mm_add_ps(even, odd);
 }
 
-INLINE_AVX2 __m256d sum_float_planar(const ilf *f, const unsigned char *const pix[4], const texels *t)
+/* Floats, in whichever order, in double: there may be nothing but denormals, or the largest there are. */
+INLINE_AVX2 __m128 sum_float(const ilf *f, const unsigned char *const pix[4], const texels *t, int depth)
 {
     double s[3];
 
+    UNROLL
     for (int c = 0; c < 3; c++) {
         __m256d sum = _mm256_setzero_pd();
+        UNROLL
         for (int k = 0; k < 4; k++) {
             float v[4];
-            for (int p = 0; p < 4; p++) memcpy(&v[p], pix[p] + f->chan_offset[c] + t->at[k][p], 4);
-            sum = _mm256_fmadd_pd(_mm256_cvtps_pd(_mm_setr_ps(v[0], v[1], v[2], v[3])), _mm256_load_pd(t->w[k]), sum);
+            UNROLL
+            for (int p = 0; p < 4; p++) memcpy(&v[p], pix[p] + f->chan_offset[c] + t->at[k][depth ? p : 0], 4);
+            sum = _mm256_fmadd_pd(_mm256_cvtps_pd(_mm_setr_ps(v[0], v[1], v[2], v[3])), t->w[k], sum);
         }
-        const __m128d two = _mm_add_pd(_mm256_castpd256_pd128(sum), _mm256_extractf128_pd(sum, 1));
-        s[c] = _mm_cvtsd_f64(_mm_hadd_pd(two, two));
+        const __m128d half = _mm_add_pd(_mm256_castpd256_pd128(sum), _mm256_extractf128_pd(sum, 1));
+        s[c] = _mm_cvtsd_f64(_mm_hadd_pd(half, half));
     }
-    return _mm256_setr_pd(0, s[0], s[1], s[2]);
+    return _mm256_cvtpd_ps(_mm256_setr_pd(0, s[0], s[1], s[2]));
 }
 
-AVX2 __attribute__((noinline, cold)) static __m256d add_poles(__m256d sum, const ilf *f, const int64_t m[4], __m256d above, __m256d below)
+AVX2 __attribute__((noinline, cold)) static void add_poles(float rgb[3], const ilf *f, const int64_t m[4], __m256d above, __m256d below)
 {
-    double part[2][4], s[4];
+    double part[2][4];
 
     _mm256_storeu_pd(part[0], above);
     _mm256_storeu_pd(part[1], below);
-    _mm256_storeu_pd(s, sum);
-    for (int k = 0; k < 4; k++)
-        for (int b = 0; b < 2; b++)
-            if (part[b][k] > 0)
-                for (int c = 0; c < 3; c++) s[c + 1] += part[b][k] * (double)f->probes[m[k]].pole[b][c];
-    return _mm256_loadu_pd(s);
+    for (int c = 0; c < 3; c++) {
+        double s = (double)rgb[c];
+        for (int k = 0; k < 4; k++) s += part[0][k] * (double)f->probes[m[k]].pole[0][c] + part[1][k] * (double)f->probes[m[k]].pole[1][c];
+        rgb[c] = (float)s;
+    }
 }
 
 /* ---- the lookup ----------------------------------------------------------------------------- */
@@ -211,23 +235,18 @@ INLINE_AVX2 __m256d twice(__m128d a)
     return _mm256_set_m128d(a, a);
 }
 
-INLINE_AVX2 double larger(double a, double b)
-{
-    return _mm_cvtsd_f64(_mm_max_sd(_mm_set_sd(a), _mm_set_sd(b)));
-}
-
 INLINE_AVX2 int lookup(float rgb[3], const ilf *f, const ilf_frame *fr, const double from[3], const double dir[3], ilf_error *err,
                        int depth, layout how)
 {
     const double du = along(fr->u, dir[0], dir[1], dir[2]), dv = along(fr->v, dir[0], dir[1], dir[2]), dn = along(fr->n, dir[0], dir[1], dir[2]);
     const double x = from[0] - fr->origin[0], y = from[1] - fr->origin[1], z = from[2] - fr->origin[2];
     const double hu = along(fr->u, x, y, z), hv = along(fr->v, x, y, z), hn = along(fr->n, x, y, z);
-    const double most = larger(larger(larger(fabs(du), fabs(dv)), larger(fabs(hu), fabs(hv))), larger(larger(fr->len_u, fr->len_v), fabs(hn)));
-    const double odd = (dn - dn) + (hn - hn); /* 0, or NaN if any coordinate is not finite */
+    /* NaN if any coordinate is not finite */
+    const double most = (fabs(du) + fabs(dv) + fabs(dn)) + (fabs(hu) + fabs(hv) + fabs(hn)) + (fr->len_u + fr->len_v);
 
-    if (!(most < 1e100) || !(odd == 0) || (depth && !(fabs(hn) > 1e-100))) return ILF_UNUSUAL;
-    if (!(dn > 1e-100 && dn < 1e100)) {
-        if (!(dn < 0 && larger(fabs(du), fabs(dv)) > 1e-100)) return ILF_UNUSUAL;
+    if (!(most < 1e100) || (depth && !(fabs(hn) > 1e-100))) return ILF_UNUSUAL;
+    if (!(dn > 1e-100)) {
+        if (!(dn < 0)) return ILF_UNUSUAL;
         rgb[0] = rgb[1] = rgb[2] = 0; /* no light from below the plane */
         return ILF_OK;
     }
@@ -243,20 +262,21 @@ INLINE_AVX2 int lookup(float rgb[3], const ilf *f, const ilf_frame *fr, const do
     const int64_t right = beyond & 1, up = beyond & 2 ? f->info.n_u : 0;
     const int64_t first = (int64_t)_mm_extract_epi32(node, 1) * f->info.n_u + _mm_cvtsi128_si32(node);
     const int64_t m[4] = {first, first + right, first + up, first + right + up};
-    const unsigned char *pix[4];
+#define READ(k) atomic_load_explicit(&f->pix[m[k]], memory_order_acquire)
+    const unsigned char *pix[4] = {READ(0), READ(1), READ(2), READ(3)};
 
-    for (int k = 0; k < 4; k++) pix[k] = atomic_load_explicit(&f->pix[m[k]], memory_order_acquire);
     if (__builtin_expect(!pix[0] || !pix[1] || !pix[2] || !pix[3], 0)) {
         const ilf_status st = read_probes(f, m, err);
         if (st != ILF_OK) return (int)st;
-        for (int k = 0; k < 4; k++) pix[k] = atomic_load_explicit(&f->pix[m[k]], memory_order_relaxed);
+        pix[0] = READ(0), pix[1] = READ(1), pix[2] = READ(2), pix[3] = READ(3);
+#undef READ
     }
     const __m128d rest = _mm_sub_pd(_mm_set1_pd(1), ab);
     const __m256d wu = twice(_mm_unpacklo_pd(rest, ab));
     const __m256d wv = _mm256_set_m128d(_mm_unpackhi_pd(ab, ab), _mm_unpackhi_pd(rest, rest));
     const __m256d w = _mm256_mul_pd(wu, wv);
 
-    __m256d theta, phi, above, below;
+    __m256d theta, phi;
     texels t;
     if (depth) {
         /* the probes' places: single ones stand in the middle */
@@ -274,15 +294,14 @@ INLINE_AVX2 int lookup(float rgb[3], const ilf *f, const ilf_frame *fr, const do
         phi = _mm256_permute4x64_pd(both, 0x00);
         theta = _mm256_permute4x64_pd(both, 0x55);
     }
-    find_texels(&t, &above, &below, f, theta, phi, w);
-    __m256d sum = how == HALF_PLANAR    ? sum_half_planar(f, pix, &t)
-                  : how == FLOAT_PLANAR ? sum_float_planar(f, pix, &t)
-                                        : sum_together(pix, &t, how, depth);
-    if (_mm256_movemask_pd(_mm256_cmp_pd(_mm256_add_pd(above, below), _mm256_setzero_pd(), _CMP_GT_OQ)))
-        sum = add_poles(sum, f, m, above, below);
+    find_texels(&t, f, theta, phi, w);
+    const __m128 sum = how == FLOAT                      ? sum_float(f, pix, &t, depth)
+                       : __builtin_expect(t.apart, 0) ? sum_half(f, pix, &t, how, depth, 1)
+                                                      : sum_half(f, pix, &t, how, depth, 0);
     float out[4];
-    _mm_storeu_ps(out, _mm256_cvtpd_ps(sum));
+    _mm_storeu_ps(out, sum);
     memcpy(rgb, out + 1, 3 * sizeof *rgb);
+    if (__builtin_expect(t.poles, 0)) add_poles(rgb, f, m, t.above, t.below);
     return ILF_OK;
 }
 
@@ -295,10 +314,8 @@ LOOKUP(half_planar, 0, HALF_PLANAR)
 LOOKUP(half_planar_depth, 1, HALF_PLANAR)
 LOOKUP(half_together, 0, HALF_TOGETHER)
 LOOKUP(half_together_depth, 1, HALF_TOGETHER)
-LOOKUP(float_planar, 0, FLOAT_PLANAR)
-LOOKUP(float_planar_depth, 1, FLOAT_PLANAR)
-LOOKUP(float_together, 0, FLOAT_TOGETHER)
-LOOKUP(float_together_depth, 1, FLOAT_TOGETHER)
+LOOKUP(floats, 0, FLOAT)
+LOOKUP(floats_depth, 1, FLOAT)
 #undef LOOKUP
 
 /* clang before 16 has no name for f16c in __builtin_cpu_supports; that the system keeps the wide
@@ -312,11 +329,10 @@ static int has_f16c(void)
 
 ilf_fast_fn *ilf_eval_avx2(const ilf *f, int depth)
 {
-    static ilf_fast_fn *const all[2][2][2] = {{{half_planar, half_planar_depth}, {half_together, half_together_depth}},
-                                              {{float_planar, float_planar_depth}, {float_together, float_together_depth}}};
+    static ilf_fast_fn *const all[3][2] = {{half_planar, half_planar_depth}, {half_together, half_together_depth}, {floats, floats_depth}};
 
     if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma") || !has_f16c()) return NULL;
-    return all[!f->is_half][f->pixel_bytes != f->texel_bytes][depth];
+    return all[!f->is_half ? FLOAT : f->pixel_bytes == f->texel_bytes ? HALF_PLANAR : HALF_TOGETHER][depth];
 }
 
 #else
