@@ -70,10 +70,10 @@ typedef struct texels {
 INLINE_AVX2 void find_texels(texels *t, const ilf *f, __m256d theta, __m256d phi, __m256d w)
 {
     const __m256d zero = _mm256_setzero_pd(), one = _mm256_set1_pd(1), two = _mm256_set1_pd(2);
-    const __m256d last = _mm256_set1_pd((double)(f->info.n_phi - 1));
+    const __m256d last = _mm256_set1_pd(f->last_row);
 
     /* columns: theta wraps; fx lies in [-1/2, n_theta - 1/2] */
-    const __m256d fx = _mm256_fmadd_pd(theta, _mm256_set1_pd(f->columns_per_radian), _mm256_set1_pd(0.5 * f->info.n_theta - 0.5));
+    const __m256d fx = _mm256_fmadd_pd(theta, _mm256_set1_pd(f->columns_per_radian), _mm256_set1_pd(f->column_ahead));
     const __m256d fx0 = _mm256_floor_pd(fx), a = _mm256_sub_pd(fx, fx0);
     const __m128i n = _mm_set1_epi32(f->info.n_theta), x = _mm256_cvttpd_epi32(fx0), next = _mm_add_epi32(x, _mm_set1_epi32(1));
     const __m128i before = _mm_srai_epi32(x, 31), after = _mm_cmpeq_epi32(next, n), step = _mm_set1_epi32((int)f->pixel_bytes);
@@ -242,9 +242,10 @@ INLINE_AVX2 int lookup(float rgb[3], const ilf *f, const ilf_frame *fr, const do
     const double x = from[0] - fr->origin[0], y = from[1] - fr->origin[1], z = from[2] - fr->origin[2];
     const double hu = along(fr->u, x, y, z), hv = along(fr->v, x, y, z), hn = along(fr->n, x, y, z);
     /* NaN if any coordinate is not finite */
-    const double most = (fabs(du) + fabs(dv) + fabs(dn)) + (fabs(hu) + fabs(hv) + fabs(hn)) + (fr->len_u + fr->len_v);
+    const double r2 = __builtin_fma(du, du, dv * dv);
+    const double squares = __builtin_fma(hu, hu, __builtin_fma(hv, hv, hn * hn)) + __builtin_fma(dn, dn, r2);
 
-    if (!(most < 1e100) || (depth && !(fabs(hn) > 1e-100))) return ILF_UNUSUAL;
+    if (!(squares < 1e200) || !(fr->len_u + fr->len_v < 1e100) || (depth && !(fabs(hn) > 1e-100))) return ILF_UNUSUAL;
     if (!(dn > 1e-100)) {
         if (!(dn < 0)) return ILF_UNUSUAL;
         rgb[0] = rgb[1] = rgb[2] = 0; /* no light from below the plane */
@@ -262,13 +263,14 @@ INLINE_AVX2 int lookup(float rgb[3], const ilf *f, const ilf_frame *fr, const do
     const int64_t right = beyond & 1, up = beyond & 2 ? f->info.n_u : 0;
     const int64_t first = (int64_t)_mm_extract_epi32(node, 1) * f->info.n_u + _mm_cvtsi128_si32(node);
     const int64_t m[4] = {first, first + right, first + up, first + right + up};
-#define READ(k) atomic_load_explicit(&f->pix[m[k]], memory_order_acquire)
-    const unsigned char *pix[4] = {READ(0), READ(1), READ(2), READ(3)};
+    const unsigned char *_Atomic *const all = f->pix + first;
+#define READ(at) atomic_load_explicit(&all[at], memory_order_acquire)
+    const unsigned char *pix[4] = {READ(0), READ(right), READ(up), READ(right + up)};
 
     if (__builtin_expect(!pix[0] || !pix[1] || !pix[2] || !pix[3], 0)) {
         const ilf_status st = read_probes(f, m, err);
         if (st != ILF_OK) return (int)st;
-        pix[0] = READ(0), pix[1] = READ(1), pix[2] = READ(2), pix[3] = READ(3);
+        pix[0] = READ(0), pix[1] = READ(right), pix[2] = READ(up), pix[3] = READ(right + up);
 #undef READ
     }
     const __m128d rest = _mm_sub_pd(_mm_set1_pd(1), ab);
@@ -289,7 +291,7 @@ INLINE_AVX2 int lookup(float rgb[3], const ilf *f, const ilf_frame *fr, const do
         phi = atan2_4(_mm256_sqrt_pd(_mm256_fmadd_pd(u, u, _mm256_mul_pd(v, v))), _mm256_set1_pd(hn));
         theta = atan2_4(v, u);
     } else {
-        const __m128d r = _mm_sqrt_sd(_mm_setzero_pd(), _mm_set_sd(__builtin_fma(du, du, dv * dv)));
+        const __m128d r = _mm_sqrt_sd(_mm_setzero_pd(), _mm_set_sd(r2));
         const __m256d both = atan2_4(_mm256_castpd128_pd256(_mm_unpacklo_pd(r, _mm_set_sd(dv))), _mm256_castpd128_pd256(_mm_setr_pd(dn, du)));
         phi = _mm256_permute4x64_pd(both, 0x00);
         theta = _mm256_permute4x64_pd(both, 0x55);

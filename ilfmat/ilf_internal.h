@@ -51,6 +51,7 @@ struct ilf {
     int full_sphere;      /* polar_max is pi: the last row has a pole too */
     int is_half;          /* texels in memory */
     double columns_per_radian, rows_per_radian;
+    double column_ahead, last_row; /* column at azimuth 0, and the last row, counted from the first texel's centre */
     double span_u, span_v; /* probe (i, j) stands at i/span_u, j/span_v of the edges; single ones, i = 1, in the middle */
     ilf_fast_fn *fast[2]; /* without and with depth correction, for the texels' order and type and this processor; or NULL */
     size_t texel_bytes, pixel_bytes, row_bytes, probe_bytes; /* of a channel, a texel, a row, a probe */

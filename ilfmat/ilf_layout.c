@@ -67,6 +67,8 @@ void ilf_choose_layout(ilf *f)
 
     f->columns_per_radian = f->info.n_theta / (2 * ILF_PI);
     f->rows_per_radian = f->info.n_phi / f->info.polar_max;
+    f->column_ahead = 0.5 * f->info.n_theta - 0.5;
+    f->last_row = f->info.n_phi - 1;
     f->span_u = f->info.n_u > 1 ? f->info.n_u - 1 : 2;
     f->span_v = f->info.n_v > 1 ? f->info.n_v - 1 : 2;
     f->fast[0] = ilf_eval_avx2(f, 0);
