@@ -179,7 +179,10 @@ int main(int argc, char **argv)
     if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     const ilf_info *in = ilf_get_info(field);
     print_header(argv[1], field);
-    if (header_only) return cli_end(CLI_OK);
+    if (header_only) {
+        ilf_close(field);
+        return cli_end(CLI_OK);
+    }
 
     if (montage) {
         const int64_t full_w = (int64_t)in->n_u * in->n_theta, full_h = (int64_t)in->n_v * in->n_phi;

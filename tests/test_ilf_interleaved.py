@@ -3,6 +3,7 @@ import os
 import re
 import struct
 import subprocess
+import time
 
 import numpy as np
 import pytest
@@ -257,6 +258,8 @@ def everywhere(f, probes):
 def test_memory_is_what_is_touched(large, probes):
     """The first part is compared, not kept: peak memory grows by the touched halves x 1.25 at most."""
     f, planar, both = large
+    if "san" in BUILD.parts:
+        pytest.skip("the sanitizer's own memory comes on top")
     text = everywhere(f, probes)
     _, least = run_measured("ilftrace", both, stdin="")
     _, peak = run_measured("ilftrace", both, stdin=text)
@@ -285,7 +288,7 @@ def test_two_processes_share_the_second_part(large):
                 break
             for p in many:
                 p.stdout.read()
-            __import__("time").sleep(0.05)
+            time.sleep(0.05)
         for s in sizes:
             assert 0.9 * 256 * 240000 < s["Rss"] < 1.1 * 256 * 240000, s
             assert s["Pss"] < 0.55 * s["Rss"], s
