@@ -297,9 +297,9 @@ INLINE_AVX2 int lookup(float rgb[3], const ilf *f, const ilf_frame *fr, const do
         theta = _mm256_permute4x64_pd(both, 0x55);
     }
     find_texels(&t, f, theta, phi, w);
-    const __m128 sum = how == FLOAT                      ? sum_float(f, pix, &t, depth)
-                       : __builtin_expect(t.apart, 0) ? sum_half(f, pix, &t, how, depth, 1)
-                                                      : sum_half(f, pix, &t, how, depth, 0);
+    const __m128 sum = how == FLOAT ? sum_float(f, pix, &t, depth)
+                       : t.apart    ? sum_half(f, pix, &t, how, depth, 1)
+                                    : sum_half(f, pix, &t, how, depth, 0);
     float out[4];
     _mm_storeu_ps(out, sum);
     memcpy(rgb, out + 1, 3 * sizeof *rgb);
