@@ -205,16 +205,20 @@ typedef struct ilf_draw {
 } ilf_draw;
 
 /* Draw a direction distributed as the slice's map: u in [0, 1) runs through the map along a
- * space-filling curve, (v, w) in [0, 1)^2 place it within a cell. */
-void ilf_sample(ilf_draw *draw, const ilf_slice *slice, double u, double v, double w);
+ * space-filling curve (ascending u are the quickest), (v, w) in [0, 1)^2 place it within a cell. */
+void ilf_sample(ilf_draw *draw, ilf_slice *slice, double u, double v, double w);
 
 /* The density per steradian with which ilf_sample draws a direction (plane's coordinates, any length). */
 double ilf_pdf(const ilf_slice *slice, const double dir[3]);
 
-/* A slice's memory of shadow tests, for adapting their number: kept apart from the estimate itself, so
- * that adapting does not bias it. */
-void ilf_slice_record(ilf_slice *slice, double visible, double tests);
-void ilf_slice_history(const ilf_slice *slice, double *visible, double *tests);
+/* A slice's memory of the points that drew from it, for adapting their number: kept apart from the estimate
+ * itself, so that adapting does not bias it. */
+typedef struct ilf_past {
+    double visible, tests; /* shadow rays that came through, and all */
+    double mean2, var;     /* sums of squared means, and of variances, of the candidates' weights */
+} ilf_past;
+void ilf_slice_record(ilf_slice *slice, const ilf_past *more);
+void ilf_slice_history(const ilf_slice *slice, ilf_past *past);
 
 /* ---- writing ------------------------------------------------------------------------------ */
 

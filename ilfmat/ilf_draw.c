@@ -22,11 +22,16 @@ static int cell_of(const double d[3])
     return cell_number(clamp_cell((a + 1) * (SLICE_SIDE / 2)), clamp_cell((b + 1) * (SLICE_SIDE / 2)));
 }
 
-/* Last k with cdf[k] <= u. */
-static int search_cdf(const ilf_slice *sl, double u)
+/* Last k with cdf[k] <= u.  Draws come in the map's order mostly: the steps from the last one are doubled, then halved. */
+static int search_cdf(ilf_slice *sl, double u)
 {
-    int lo = 0, hi = sl->cells;
+    int lo = (double)sl->cdf[sl->last] <= u ? sl->last : 0, step = 1;
 
+    while (lo + step < sl->cells && (double)sl->cdf[lo + step] <= u) {
+        lo += step;
+        step *= 2;
+    }
+    int hi = lo + step < sl->cells ? lo + step : sl->cells;
     while (hi - lo > 1) {
         const int mid = (lo + hi) / 2;
         if ((double)sl->cdf[mid] <= u)
@@ -34,7 +39,7 @@ static int search_cdf(const ilf_slice *sl, double u)
         else
             hi = mid;
     }
-    return lo;
+    return sl->last = lo;
 }
 
 /* Index of a cell in the slice, or -1. */
@@ -59,7 +64,7 @@ static double density(const ilf_slice *sl, int k)
     return SLICE_UNIFORM / (2 * ILF_PI) + (1 - SLICE_UNIFORM) * map;
 }
 
-void ilf_sample(ilf_draw *draw, const ilf_slice *sl, double u, double v, double w)
+void ilf_sample(ilf_draw *draw, ilf_slice *sl, double u, double v, double w)
 {
     int cell, k;
 
@@ -87,14 +92,15 @@ double ilf_pdf(const ilf_slice *sl, const double dir[3])
     return density(sl, search_cell(sl, cell_of(d)));
 }
 
-void ilf_slice_record(ilf_slice *sl, double visible, double tests)
+void ilf_slice_record(ilf_slice *sl, const ilf_past *more)
 {
-    sl->visible += (float)visible;
-    sl->tests += (float)tests;
+    sl->past.visible += more->visible;
+    sl->past.tests += more->tests;
+    sl->past.mean2 += more->mean2;
+    sl->past.var += more->var;
 }
 
-void ilf_slice_history(const ilf_slice *sl, double *visible, double *tests)
+void ilf_slice_history(const ilf_slice *sl, ilf_past *past)
 {
-    *visible = (double)sl->visible;
-    *tests = (double)sl->tests;
+    *past = sl->past;
 }

@@ -11,6 +11,7 @@ typedef struct cluster {
     double sum[3], n;   /* mean position */
     double away, ball;  /* sum of distances from it; smallest patch's ball */
     double excess;
+    int whole;          /* made of whole patches */
 } cluster;
 
 enum { MAX_CLUSTERS = 64 };
@@ -23,25 +24,29 @@ static int by_excess(const void *a, const void *b)
     return (x < y) - (x > y);
 }
 
-/* Gather the patches that the ball sees into c; two rounds, so that distances are from the means. */
+/* Gather the patches that the ball sees into c: whole ones first, parts (half of which are not the lamp) only where there are no
+ * others; then again, so that distances are from the means. */
 static int gather_lamps(cluster *c, const ilf_sampler *s, const float x[3], float r)
 {
     int n = 0;
 
-    for (int round = 0; round < 2; round++)
+    for (int round = 0; round < 3; round++)
         for (size_t k = 0; k < s->patches.n; k++) {
             const patch *p = &s->patches.p[k];
             const float d[3] = {p->u - x[0], p->v - x[1], p->n - x[2]};
             const float len = sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
             int m = 0;
 
+            if (round < 2 && p->whole != (round == 0)) continue;
             if (ilf_patch_weight(s, p, x, r) <= 0 || len <= 0) continue;
             while (m < n && (d[0] * c[m].dir[0] + d[1] * c[m].dir[1] + d[2] * c[m].dir[2]) < CLUSTER_COS * len) m++;
-            if (round == 0) {
+            if (m < n && p->whole != c[m].whole) continue;
+            if (round < 2) {
                 if (m == MAX_CLUSTERS) continue;
                 if (m == n) {
                     memset(&c[n], 0, sizeof c[n]);
                     for (int a = 0; a < 3; a++) c[n].dir[a] = d[a] / len;
+                    c[n].whole = p->whole;
                     n++;
                 }
                 c[m].sum[0] += (double)p->u, c[m].sum[1] += (double)p->v, c[m].sum[2] += (double)p->n;

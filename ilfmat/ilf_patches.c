@@ -16,7 +16,7 @@
 
 /* Angular size of a patch that is aimed at, and how many patches are too many. */
 #define PATCH_SIZE (1.0 * ILF_PI / 180)
-#define MAX_PATCHES 24000
+#define MAX_PATCHES 36000
 #define LARGE_PATCH (10 * ILF_PI / 180)
 
 /* Light that is infinitely far away is put here, in units of the sampled rectangle's size. */
@@ -113,11 +113,20 @@ static double distance3(const double a[3], const double b[3])
     return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
 
-/* Where light from direction d reaches probe position q (plane's coordinates) from. */
-static void light_from(double p[3], const ilf_sampler *s, const double q[3], const double d[3])
+/* One look from a probe: in direction (theta, phi) light comes from p, at distance t. */
+typedef struct look {
+    double theta, phi, p[3], t;
+    int part;
+} look;
+
+/* Where light from direction (theta, phi) reaches probe position q (plane's coordinates) from. */
+static look look_along(const ilf_sampler *s, const double q[3], double theta, double phi)
 {
     const ilf_frame *fr = &s->frame;
+    look l = {.theta = theta, .phi = phi};
+    double d[3];
 
+    direction(d, theta, phi);
     if (s->spec.mode == ILF_DEPTH && s->spec.hit) {
         double origin[3], dir[3], hit[3];
 
@@ -128,48 +137,89 @@ static void light_from(double p[3], const ilf_sampler *s, const double q[3], con
             for (int c = 0; c < 3; c++) hit[c] -= fr->origin[c];
             for (int c = 0; c < 3; c++) {
                 const double *axis = c == 0 ? fr->u : c == 1 ? fr->v : fr->n;
-                p[c] = hit[0] * axis[0] + hit[1] * axis[1] + hit[2] * axis[2];
+                l.p[c] = hit[0] * axis[0] + hit[1] * axis[1] + hit[2] * axis[2];
             }
-            return;
+            l.t = distance3(l.p, q);
+            return l;
         }
     }
-    const double far = FAR_AWAY * (fr->len_u + fr->len_v);
-    for (int c = 0; c < 3; c++) p[c] = q[c] + far * d[c];
+    l.t = FAR_AWAY * (fr->len_u + fr->len_v);
+    for (int c = 0; c < 3; c++) l.p[c] = q[c] + l.t * d[c];
+    return l;
 }
 
-/* The ball for texels [x0, x1) x [y0, y1) of probe (i, j). */
-static void make_patch(patch *p, const ilf_sampler *s, int i, int j, const int x[2], const int y[2], double excess)
+/* A patch at the edge of something lies half on what is behind: one ball around both would hold most of the
+ * room.  So the looks of a patch are parted at jumps of their distance, and each part has a ball of its own. */
+enum { LARGE_STEPS = 8, SMALL_STEPS = 2, MAX_PARTS = 4, HALVINGS = 3 };
+enum { GRID = (LARGE_STEPS + 1) * (LARGE_STEPS + 1), MAX_LOOKS = GRID + 2 * HALVINGS * LARGE_STEPS * (LARGE_STEPS + 1) };
+#define JUMP 1.1 /* of the distance, from one look to the next */
+
+static int by_distance(const void *a, const void *b)
 {
-    const ilf_info *in = &s->field->info;
-    const double dt = 2 * ILF_PI / in->n_theta, dp = in->polar_max / in->n_phi;
-    const double q[3] = {in->n_u == 1 ? 0.5 * s->frame.len_u : s->frame.len_u * i / (in->n_u - 1),
-                         in->n_v == 1 ? 0.5 * s->frame.len_v : s->frame.len_v * j / (in->n_v - 1), 0};
-    double lo = (y[0] - 0.5) * dp, hi = (y[1] + 0.5) * dp, d[3], centre[3], radius = 0;
-    const int at_pole = y[0] == 0;
-    const double middle = 0.5 * (x[0] + x[1]) * dt - ILF_PI;
-    const double side = at_pole ? ILF_PI : fmin((0.5 * (x[1] - x[0]) + 0.5) * dt, ILF_PI);
+    const double x = (*(const look *const *)a)->t, y = (*(const look *const *)b)->t;
 
-    if (y[1] >= valid_rows(s->field)) hi = fmax(hi, ILF_PI / 2);
-    hi = fmin(hi, ILF_PI);
-    lo = at_pole ? 0 : fmax(lo, 0);
-    direction(d, middle, at_pole ? 0 : 0.5 * (lo + hi));
-    light_from(centre, s, q, d);
-    /* a small patch by corners and middles of its sides; in a large one the geometry may be anything */
-    const int steps = at_pole || fmax(2 * side * sin(fmin(hi, ILF_PI / 2)), hi - lo) > LARGE_PATCH ? 8 : 2;
-    for (int k = 0; k < (steps + 1) * (steps + 1); k++) {
-        double edge[3];
-
-        direction(d, middle + side * (2.0 * (k % (steps + 1)) / steps - 1), lo + (hi - lo) * (k / (steps + 1)) / steps);
-        light_from(edge, s, q, d);
-        radius = fmax(radius, distance3(edge, centre));
-    }
-    p->u = (float)centre[0], p->v = (float)centre[1], p->n = (float)centre[2];
-    p->radius = (float)(1.05 * radius); /* the rim bulges a little between the points */
-    p->excess = (float)excess;
-    p->i = i, p->j = j;
+    return (x > y) - (x < y);
 }
 
-/* ---- list ----------------------------------------------------------------------------------- */
+/* The ball around the looks of a part, about look `middle` or, if that is negative, about their middle; returns the least distance. */
+static double ball(double centre[3], double *radius, const look *l, int n, int part, int middle)
+{
+    double lo[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, hi[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}, least = HUGE_VAL;
+
+    for (int k = 0; k < n; k++) {
+        if (l[k].part != part) continue;
+        least = fmin(least, l[k].t);
+        for (int c = 0; c < 3; c++) lo[c] = fmin(lo[c], l[k].p[c]), hi[c] = fmax(hi[c], l[k].p[c]);
+    }
+    for (int c = 0; c < 3; c++) centre[c] = middle < 0 ? 0.5 * (lo[c] + hi[c]) : l[middle].p[c];
+    *radius = 0;
+    for (int k = 0; k < n; k++)
+        if (l[k].part == part) *radius = fmax(*radius, distance3(l[k].p, centre));
+    return least;
+}
+
+/* Part the n looks of a grid, if a part's ball is larger than a wall across the view would make it.  Returns how many parts there are. */
+static int find_parts(look *l, int n, double half)
+{
+    int parts = 1;
+
+    for (int k = 0; k < parts && parts < MAX_PARTS;) {
+        look *sorted[GRID];
+        double centre[3], radius, jump = JUMP;
+        int m = 0, at = 0;
+
+        if (ball(centre, &radius, l, n, k, -1) * 2 * half < radius) {
+            for (int a = 0; a < n; a++)
+                if (l[a].part == k) sorted[m++] = &l[a];
+            qsort(sorted, (size_t)m, sizeof *sorted, by_distance);
+            for (int a = 1; a < m; a++)
+                if (sorted[a]->t > jump * sorted[a - 1]->t) jump = sorted[a]->t / sorted[a - 1]->t, at = a;
+        }
+        if (at)
+            while (at < m) sorted[at++]->part = parts;
+        parts += at != 0;
+        k += at == 0;
+    }
+    return parts;
+}
+
+/* Look where between two neighbours one part ends and the other begins. */
+static int find_edge(look *more, const ilf_sampler *s, const double q[3], look a, look b)
+{
+    for (int k = 0; k < HALVINGS; k++) {
+        look m = look_along(s, q, 0.5 * (a.theta + b.theta), 0.5 * (a.phi + b.phi));
+
+        if (m.t * m.t < a.t * b.t ? a.t < b.t : a.t > b.t) {
+            m.part = a.part;
+            a = m;
+        } else {
+            m.part = b.part;
+            b = m;
+        }
+        more[k] = m;
+    }
+    return HALVINGS;
+}
 
 static patch *add_patch(patch_list *l)
 {
@@ -183,6 +233,51 @@ static patch *add_patch(patch_list *l)
     }
     return &l->p[l->n++];
 }
+
+/* Add the balls for texels [x0, x1) x [y0, y1) of probe (i, j). */
+static int make_patch(ilf_sampler *s, int i, int j, const int x[2], const int y[2], double excess)
+{
+    const ilf_info *in = &s->field->info;
+    const double dt = 2 * ILF_PI / in->n_theta, dp = in->polar_max / in->n_phi;
+    const double q[3] = {in->n_u == 1 ? 0.5 * s->frame.len_u : s->frame.len_u * i / (in->n_u - 1),
+                         in->n_v == 1 ? 0.5 * s->frame.len_v : s->frame.len_v * j / (in->n_v - 1), 0};
+    double lo = (y[0] - 0.5) * dp, hi = (y[1] + 0.5) * dp;
+    const int at_pole = y[0] == 0;
+    const double middle = 0.5 * (x[0] + x[1]) * dt - ILF_PI;
+    const double side = at_pole ? ILF_PI : fmin((0.5 * (x[1] - x[0]) + 0.5) * dt, ILF_PI);
+    look l[MAX_LOOKS];
+
+    if (y[1] >= valid_rows(s->field)) hi = fmax(hi, ILF_PI / 2);
+    hi = fmin(hi, ILF_PI);
+    lo = at_pole ? 0 : fmax(lo, 0);
+    /* a small patch by corners and middles of its sides; in a large one the geometry may be anything */
+    const double across = 2 * side * sin(fmin(hi, ILF_PI / 2));
+    const int steps = at_pole || fmax(across, hi - lo) > LARGE_PATCH ? LARGE_STEPS : SMALL_STEPS, row = steps + 1;
+    int n = row * row;
+    for (int k = 0; k < n; k++)
+        l[k] = look_along(s, q, middle + side * (2.0 * (k % row) / steps - 1), lo + (hi - lo) * (k / row) / steps);
+    const double half = 0.5 * hypot(at_pole ? 2 * hi : across, at_pole ? 0 : hi - lo);
+    const int parts = find_parts(l, n, half);
+    if (parts > 1)
+        for (int k = 0, grid = n; k < grid; k++) {
+            if (k % row < steps && l[k].part != l[k + 1].part) n += find_edge(l + n, s, q, l[k], l[k + 1]);
+            if (k + row < grid && l[k].part != l[k + row].part) n += find_edge(l + n, s, q, l[k], l[k + row]);
+        }
+    for (int k = 0; k < parts; k++) {
+        patch *p = add_patch(&s->patches);
+        double centre[3], radius;
+
+        if (!p) return -1;
+        const double least = ball(centre, &radius, l, n, k, parts > 1 ? -1 : at_pole ? 0 : row * row / 2);
+        /* the rim bulges a little between the looks, and an edge is known to a part of a step */
+        radius *= 1.05;
+        if (parts > 1) radius += least * fmax(across, hi - lo) / (steps << HALVINGS);
+        *p = (patch){(float)centre[0], (float)centre[1], (float)centre[2], (float)radius, (float)excess, i, j, parts == 1};
+    }
+    return 0;
+}
+
+/* ---- list ----------------------------------------------------------------------------------- */
 
 /* Largest excess in each block of bx texels of rows [y0, y1); 1 if there is any. */
 static int band_excess(float *block, int bx, int y0, int y1, const ilf_sampler *s, const unsigned char *pix)
@@ -226,12 +321,10 @@ static ilf_status probe_patches(ilf_sampler *s, int i, int j, double size, float
             const int x[2] = {x0, x0 + bx < f->info.n_theta ? x0 + bx : f->info.n_theta}, y[2] = {y0, y1};
 
             if (block[x0 / bx] <= 0) continue;
-            patch *p = add_patch(&s->patches);
-            if (!p) {
+            if (make_patch(s, i, j, x, y, (double)block[x0 / bx]) != 0) {
                 st = ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for its bright patches", f->path);
                 break;
             }
-            make_patch(p, s, i, j, x, y, (double)block[x0 / bx]);
         }
     }
     ilf_unpeek_probe(f, pix, own);

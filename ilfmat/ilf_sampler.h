@@ -14,8 +14,8 @@ enum { SLICE_BITS = 8, SLICE_SIDE = 1 << SLICE_BITS, SLICE_CELLS = SLICE_SIDE * 
 /* Part of the draws that goes to all directions alike, in case a patch is not where it seems. */
 #define SLICE_UNIFORM 0.02
 
-/* Part of a cell's bound that its weight keeps even where nothing is seen from the cube's centre. */
-#define SLICE_BOUND 0.05f
+/* Part of the draws that goes where the bounds say that light may be, seen from the cube's centre or not. */
+#define SLICE_BOUND 0.1
 
 /* A probe's bright patch: some texels whose luminance exceeds the threshold, as a ball in the plane's
  * coordinates (u, v, n; origin at probe (0,0)) around the place where their light comes from. */
@@ -24,6 +24,7 @@ typedef struct patch {
     float radius;   /* holds all of the patch, bilinear lookup's half texel included */
     float excess;   /* largest luminance over the threshold, in units of the sampler's */
     int i, j;       /* the probe */
+    int whole;      /* 0: a part of a patch that lies on two things, one behind the other */
 } patch;
 
 typedef struct patch_list {
@@ -33,9 +34,10 @@ typedef struct patch_list {
 
 struct ilf_slice {
     int64_t key[3];  /* cube of space */
-    float visible, tests; /* history of shadow tests */
+    ilf_past past;
     double total;    /* sum of the cells' excess luminance */
     int cells;       /* with light */
+    int last;        /* cell drawn last */
     uint16_t *cell;  /* ascending Morton numbers */
     float *cdf;      /* cells + 1 values from 0 to 1 */
     float *near, *far; /* distances of the light in each cell */

@@ -140,8 +140,30 @@ float ilf_patch_weight(const ilf_sampler *s, const patch *p, const float x[3], f
     return wu > 0 ? wu * tent((fv - spread_v) * sv, (fv + spread_v) * sv, p->j, in->n_v) : 0;
 }
 
-/* Mark the cells that the patch's cone meets.  Within one probe patches overlap: the larger counts; different
- * probes' weights add up, as in the lookup. */
+/* Light of a probe in cell k.  Within one probe patches overlap: the larger counts; different probes' weights add up, as in the
+ * lookup.  Returns 1 if the cell is new. */
+static inline int mark(ilf_sampler *s, int k, int owner, float value, float dist, int touched)
+{
+    const int is_new = s->owner[k] == 0;
+
+    if (is_new) {
+        s->touched[touched] = (uint16_t)k;
+        s->near[k] = s->far[k] = dist;
+    }
+    if (dist < s->near[k]) s->near[k] = dist;
+    if (dist > s->far[k]) s->far[k] = dist;
+    if (s->owner[k] != owner) {
+        s->owner[k] = owner;
+        s->probe_weight[k] = 0;
+    }
+    if (value > s->probe_weight[k]) {
+        s->weight[k] += value - s->probe_weight[k];
+        s->probe_weight[k] = value;
+    }
+    return is_new;
+}
+
+/* Mark the cells that the patch's cone meets. */
 static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, float w, int touched)
 {
     const double d[3] = {(double)(p->u - x[0]), (double)(p->v - x[1]), (double)(p->n - x[2])};
@@ -162,27 +184,13 @@ static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, floa
     const int b0 = clamp_cell((b - side + 1) * (SLICE_SIDE / 2)), b1 = clamp_cell((b + side + 1) * (SLICE_SIDE / 2));
     const float du = (float)unit[0], dv = (float)unit[1], dn = (float)unit[2];
 
-    for (int row = b0; row <= b1; row++)
-        for (int col = a0; col <= a1; col++) {
-            const int k = row * SLICE_SIDE + col;
-            const float *c = s->cell_dir[k];
+    for (int row = b0; row <= b1; row++) {
+        const float(*c)[3] = s->cell_dir + row * SLICE_SIDE;
 
-            if (c[0] * du + c[1] * dv + c[2] * dn < near) continue;
-            if (s->owner[k] == 0) {
-                s->touched[touched++] = (uint16_t)k;
-                s->near[k] = s->far[k] = (float)dist;
-            }
-            s->near[k] = fminf(s->near[k], (float)dist);
-            s->far[k] = fmaxf(s->far[k], (float)dist);
-            if (s->owner[k] != owner) {
-                s->owner[k] = owner;
-                s->probe_weight[k] = 0;
-            }
-            if (value > s->probe_weight[k]) {
-                s->weight[k] += value - s->probe_weight[k];
-                s->probe_weight[k] = value;
-            }
-        }
+        for (int col = a0; col <= a1; col++)
+            if (c[col][0] * du + c[col][1] * dv + c[col][2] * dn >= near)
+                touched += mark(s, row * SLICE_SIDE + col, owner, value, (float)dist, touched);
+    }
     return touched;
 }
 
@@ -196,7 +204,7 @@ static int by_number(const void *a, const void *b)
 static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf_error *err)
 {
     const ilf_frame *fr = &s->frame;
-    double x[3];
+    double x[3], seen = 0, bound = 0;
 
     for (int c = 0; c < 3; c++)
         x[c] = fr->origin[c] + s->cube * (((double)key[0] + 0.5) * fr->u[c] + ((double)key[1] + 0.5) * fr->v[c] +
@@ -217,7 +225,8 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
             }
             const ilf_status st = ilf_eval(rgb, s->field, fr, x, d, s->spec.mode == ILF_DEPTH ? hit : x, s->spec.mode, err);
             if (st != ILF_OK) return st;
-            s->seen[k] = fmaxf(s->seen[k], (float)fmin(ilf_luminance(rgb) / s->unit * ilf_excess_part(rgb, s->threshold), 1e6));
+            const float value = (float)fmin(ilf_luminance(rgb) / s->unit * ilf_excess_part(rgb, s->threshold), 1e6);
+            if (value > s->seen[k]) s->seen[k] = value;
         }
     }
     for (int t = 0; t < touched; t++) {
@@ -226,12 +235,15 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
 
         for (int b = row > 0 ? row - 1 : 0; b <= row + 1 && b < SLICE_SIDE; b++)
             for (int a = col > 0 ? col - 1 : 0; a <= col + 1 && a < SLICE_SIDE; a++)
-                most = fmaxf(most, s->seen[b * SLICE_SIDE + a]);
+                if (s->seen[b * SLICE_SIDE + a] > most) most = s->seen[b * SLICE_SIDE + a];
         s->probe_weight[s->touched[t]] = most;
+        seen += (double)most;
+        bound += (double)s->weight[s->touched[t]];
     }
+    const float share = seen > 0 ? (float)(SLICE_BOUND * fmin(seen / bound, 1)) : 1;
     for (int t = 0; t < touched; t++) {
         const int k = s->touched[t];
-        s->weight[k] = SLICE_BOUND * s->weight[k] + s->probe_weight[k];
+        s->weight[k] = share * s->weight[k] + s->probe_weight[k];
         s->seen[k] = 0;
     }
     return ILF_OK;

@@ -105,3 +105,4 @@ $(B0)/lib/.radiance: radiance_patch/extras.sh | $(VENV)/.made
 	@mkdir -p $(@D)
 	@sh radiance_patch/extras.sh $(PY) $(RAD_LIBPKG) $(B0)/lib $(B)/bin $(RAD_EXTRA)
 	@touch $@
+$(RAD_EXTRA:%=$(B)/bin/%): | $(B0)/lib/.radiance ;

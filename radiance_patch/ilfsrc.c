@@ -41,18 +41,20 @@
  *  map's own weight is added.
  *
  *	The number of shadow rays goes with the ray's weight, and falls where
- *  earlier tests in the same cube of space all had the same result.  These
- *  tests belong to other points, so that the mean stays right.
+ *  earlier tests in the same cube of space all had the same result.  So
+ *  many candidates are drawn that their part of the error costs no more
+ *  than the rays' part: with the root of the weights' variance, as
+ *  earlier points in the cube had it.  These tests and points are others,
+ *  so that the mean stays right.
  */
 
-#ifndef ILFCAND
-#define  ILFCAND		16		/* candidates per shadow ray */
-#endif
+#define  ILFCAND		16		/* most candidates per shadow ray */
+#define  ILFFEWCAND	2		/* least */
+#define  ILFCANDCV	20.		/* in proportion to their variation */
 #define  ILFMINCAND	64		/* but at least this many for what we see */
 #define  ILFLEASTCAND	8		/* and this many for any point */
 #define  ILFHIST		48		/* tests before we believe history */
 #define  ILFSURE		8		/* fewer rays where we do */
-#define  ILFOMEGA	1e-6		/* solid angle for coefficients */
 #define  ILFDOUBT	.01		/* part of map's weight added to estimate */
 #define  ILFMAXPASS	64		/* objects to pass to our surface */
 
@@ -328,7 +330,8 @@ drawcands(			/* draw and weigh candidates */
 	RAY  *r,
 	srcdirf_t  *f,
 	void  *p,
-	double  *wsum
+	double  *wsum,
+	double  *w2sum
 )
 {
 	ilf_draw  dr;
@@ -347,7 +350,7 @@ drawcands(			/* draw and weigh candidates */
 	ndims--;
 	x1 = frandom();
 	x2 = frandom();
-	*wsum = 0;
+	*wsum = *w2sum = 0;
 	cp = cand;
 	for (i = 0; i < nc; i++) {
 					/* additive recurrence in a cell */
@@ -382,6 +385,7 @@ drawcands(			/* draw and weigh candidates */
 		if (cp->targ <= 0.0)
 			continue;
 		*wsum += cp->wt = cp->targ / dr.pdf;
+		*w2sum += cp->wt*cp->wt;
 		cp++;
 	}
 	ndrawn += nc;
@@ -397,7 +401,8 @@ sampleilf(			/* add light field's excess */
 	void  *p
 )
 {
-	double  vis, tests, wsum, step, next, acc, d;
+	double  wsum, w2sum, step, next, acc, d;
+	ilf_past  past;
 	ilf_slice  *sp;
 	ilf_error  err;
 	ILFCND  *cp;
@@ -421,22 +426,34 @@ sampleilf(			/* add light field's excess */
 	if (ns < 1) ns = 1;
 	if (ns > ilfsamp) ns = ilfsamp;
 	nc = ns*ILFCAND;
+	ilf_slice_history(sp, &past);
+	if (past.tests >= ILFHIST && past.mean2 > 0. && !isglossy(r)) {
+		d = ILFCANDCV*sqrt(past.var/past.mean2);
+		if (d < ILFCAND)
+			nc = ns*(d > ILFFEWCAND ? d : ILFFEWCAND);
+		if ((past.visible <= 0.) | (past.visible >= past.tests))
+			ns = (ns + ILFSURE-1)/ILFSURE;
+		if (past.visible <= 0. && nc > ns*ILFCAND)
+			nc = ns*ILFCAND;
+	}
 	if (nc < ILFMINCAND*r->rweight)
 		nc = ILFMINCAND*r->rweight;
 	if (nc < ILFLEASTCAND)
 		nc = ILFLEASTCAND;
-	ilf_slice_history(sp, &vis, &tests);
-	if (tests >= ILFHIST && (vis <= 0.) | (vis >= tests) && !isglossy(r))
-		ns = (ns + ILFSURE-1)/ILFSURE;
 	dirparts = n | DIRBLIND;
-	n = drawcands(nc, ip, sp, r, f, p, &wsum);
+	n = drawcands(nc, ip, sp, r, f, p, &wsum, &w2sum);
 	dirparts = DIRDIFF|DIRSPEC;
 	if (!n)
 		return;
 					/* choose in order of map */
 	step = wsum/ns;
 	next = step*frandom();
-	acc = vis = tests = 0.;
+	memset(&past, 0, sizeof(past));
+	if (!isglossy(r)) {
+		past.mean2 = wsum*wsum/((double)nc*nc);
+		past.var = w2sum/nc - past.mean2;
+	}
+	acc = 0.;
 	for (cp = cand; n-- > 0; cp++) {
 		acc += cp->wt;
 		for (k = 0; next < acc; next += step)
@@ -451,15 +468,15 @@ sampleilf(			/* add light field's excess */
 		scalecolor(sr.rcoef, d);
 		rayvalue(&sr);
 		ntraced++;
-		tests += k;
+		past.tests += k;
 		if (bright(sr.rcol) > 0.0) {
 			multcolor(sr.rcol, sr.rcoef);
 			addcolor(r->rcol, sr.rcol);
-			vis += k;
+			past.visible += k;
 		}
 	}
 	if (!inglintray())
-		ilf_slice_record(sp, vis, tests);
+		ilf_slice_record(sp, &past);
 }
 
 

@@ -22,7 +22,8 @@
 ILF_ENV = PATH="$(TOP)/$(B)/bin:$$PATH" RAYPATH=.:$(TOP)/$(B0)/lib
 
 upto = $(shell seq 0 $$(($(1) - 1)))
-bins = $(1:%=$(B)/bin/%)
+# our programs, and the function files that Radiance's read at their start
+bins = $(1:%=$(B)/bin/%) $(if $(filter rpict rtrace oconv xform obj2mesh virtualcamera,$(1)),$(B0)/lib/.radiance)
 
 # A file that says how things are made, and is written again only when that has changed: what depends on it
 # is made anew after a change of settings, and only then.   $(eval $(call settings,FILE,TEXT))

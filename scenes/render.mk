@@ -18,7 +18,7 @@
 #   NAME_LIGHT_photo, NAME_LIGHT_with   sampling options of the reference and of pictures in a light field
 
 # importance samples of the light field per point; 0 = the paper's literal method, blind rays
-DI       ?= 64
+DI       ?= 32
 # The literal method sees the lamps with its ambient rays, so no cache and no supersampling: both would be biased.
 # -st 0: highlights are a scattered ray's, below the threshold a surface has none in a light field
 PICT_ILF := -ab 2 -st 0 -di $(DI) $(if $(filter 0,$(DI)),-aa 0 -as 0 -lw 1e-7,-aa .12 -as 64 -ar 64)
@@ -30,7 +30,7 @@ MODELS   := $(B0)/models
 $(MODELS)/statue.obj: scenes/models/statue.py | $(VENV)/.packages
 	@mkdir -p $(@D)
 	@$(PY) $< --height .30 --cells 110 -o $@
-$(MODELS)/%.rtm: $(MODELS)/%.obj | $(B0)/lib/.radiance
+$(MODELS)/%.rtm: $(MODELS)/%.obj | $(call bins,obj2mesh)
 	@$(ILF_ENV) obj2mesh $< $@
 
 define light_field_pictures
