@@ -77,6 +77,7 @@ typedef struct ilf_info {
     int n_theta, n_phi;    /* texels of one probe: columns, rows */
     ilf_type type;         /* texels as stored (mixed channels count as float) */
     const char *compression; /* OpenEXR's name: "none", "zip", ...; static */
+    int interleaved;       /* the file holds the texels a second time, in the order that lookups like best */
     float origin[3], U[3], V[3];
     double polar_max;      /* polar angle at the map's lower edge, (0, pi] */
     double polar_valid;    /* beyond it lookups hold the value at it; at most polar_max here */
@@ -228,6 +229,8 @@ typedef struct ilf_spec {
     double polar_valid;           /* 0: none stated */
     ilf_type type;
     const char *compression;      /* none rle zips zip piz pxr24 b44 b44a; NULL: none */
+    int interleave;               /* write the texels a second time, each one's channels side by side: twice the file, faster
+                                   * lookups in place; needs no compression (what is decoded is interleaved then) */
     const char *comments;         /* or NULL */
     const char *owner;            /* or NULL */
     const char *cap_date;         /* "YYYY:MM:DD HH:MM:SS" or NULL */

@@ -11,7 +11,7 @@
 #include "exr_header.h"
 #include "ilf_internal.h"
 
-ilf_status ilf_decode_dwa(const ilf *f, int i, int j, uint16_t *pix, ilf_error *err)
+ilf_status ilf_decode_dwa(const ilf *f, int i, int j, unsigned char *pix, ilf_error *err)
 {
     const size_t w = (size_t)f->info.n_theta, h = (size_t)f->info.n_phi;
     ImfRgba *rgba = malloc(w * h * sizeof *rgba);
@@ -38,7 +38,7 @@ ilf_status ilf_decode_dwa(const ilf *f, int i, int j, uint16_t *pix, ilf_error *
             for (size_t y = 0; y < h; y++)
                 for (size_t x = 0; x < w; x++) {
                     const ImfRgba *p = &rgba[y * w + x];
-                    unsigned char *row = (unsigned char *)pix + y * f->row_bytes + 2 * x;
+                    unsigned char *row = pix + y * f->row_bytes + x * f->pixel_bytes;
                     memcpy(row + f->chan_offset[0], &p->r, 2);
                     memcpy(row + f->chan_offset[1], &p->g, 2);
                     memcpy(row + f->chan_offset[2], &p->b, 2);

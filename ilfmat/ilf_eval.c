@@ -11,6 +11,8 @@
  * Everything is computed in double: the field's texels may differ a thousandfold from one
  * to the next, which multiplies any error of position, and the scene may lie far from the
  * world's origin.
+ *
+ * This is the lookup of any ray on any processor; ilf_eval_avx2.c has that of usual rays faster.
  */
 #include "ilf_angle.h"
 #include "ilf_internal.h"
@@ -35,11 +37,39 @@ static double grid_coordinate(double x, double len, int n)
     return fmin(fmax(s, 0), n - 1); /* also takes infinities; a NaN becomes 0 */
 }
 
-/* Position of probe i along an edge; a single probe stands in the middle. */
-static double probe_position(int i, double len, int n)
+/* The largest coordinate's size. */
+static double largest(vec a)
 {
-    return n == 1 ? 0.5 * len : len * i / (n - 1);
+    return fmax(fabs(a.u), fmax(fabs(a.v), fabs(a.n)));
 }
+
+/* The direction in the frame, its largest coordinate brought to 1. */
+static int normal_direction(vec *d, const ilf_frame *fr, const double dir[3])
+{
+    vec a = to_frame(fr, dir);
+    double size = largest(a);
+
+    if (!(size < 1e300)) { /* sums of three that large may overflow */
+        const double less[3] = {dir[0] * 0x1p-8, dir[1] * 0x1p-8, dir[2] * 0x1p-8};
+        a = to_frame(fr, less);
+        size = largest(a);
+    }
+    if (!(size > 0)) return 0;
+    *d = (vec){a.u / size, a.v / size, a.n / size}; /* a reciprocal might overflow */
+    return 1;
+}
+
+/* The cell of the grid that the ray crosses; probe k stands in column k & 1, row k >> 1 of it. */
+typedef struct cell {
+    double w[4];                 /* weights */
+    int64_t m[4];                /* the probes' numbers, where the weight is above 0 */
+    const unsigned char *pix[4]; /* their texels */
+    vec d;                       /* direction */
+    /* with depth correction only */
+    vec h;                       /* where the ray meets the geometry, from probe (0, 0) */
+    double i, j;                 /* column and row of probe 0, of span_u and span_v */
+    double len_u, len_v, cos_uv; /* edges of the sampled rectangle, cosine between them */
+} cell;
 
 /* Where a direction falls in a probe: the same in all of them when there is no depth correction. */
 typedef struct place {
@@ -58,17 +88,17 @@ static place find_place(const ilf *f, vec d)
     place at;
 
     /* column: theta wraps; fx lies in [-1/2, n_theta - 1/2] */
-    const double fx = (theta + ILF_PI) * (nt / (2 * ILF_PI)) - 0.5;
+    const double fx = (theta + ILF_PI) * f->columns_per_radian - 0.5;
     int x0 = (int)(fx + 1) - 1, x1 = x0 + 1;
     at.a = fx - x0;
     if (x0 < 0) x0 += nt;
     if (x0 >= nt) x0 -= nt;
     if (x1 >= nt) x1 -= nt;
-    at.x0 = (size_t)x0 * f->texel_bytes;
-    at.x1 = (size_t)x1 * f->texel_bytes;
+    at.x0 = (size_t)x0 * f->pixel_bytes;
+    at.x1 = (size_t)x1 * f->pixel_bytes;
 
     /* row: towards a pole the value goes to the mean of the nearest row */
-    const double fy = phi * (np / f->info.polar_max) - 0.5;
+    const double fy = phi * f->rows_per_radian - 0.5;
     if (fy < 0) {
         at.row = 0;
         at.top = fmax(2 * fy + 1, 0);
@@ -86,61 +116,51 @@ static place find_place(const ilf *f, vec d)
     return at;
 }
 
-/* Add w times probe p's radiance at a place: as rows to be read, or to sum. */
-static int add_probe(ilf_tap *tap, double sum[3], const ilf *f, const probe *p, const place *at, double w)
+/* Add w times two neighbouring texels of a row. */
+static void add_row(double sum[3], const ilf *f, const unsigned char *row, const place *at, double w)
 {
-    const double top = w * at->top, rest = w - top;
+    const double w1 = w * at->a, w0 = w - w1;
 
-    tap[0] = (ilf_tap){p->pix + at->row, at->x0, at->x1, top - top * at->a, top * at->a};
-    switch (at->below) {
-    case NEXT_ROW:
-        tap[1] = (ilf_tap){tap[0].row + f->row_bytes, at->x0, at->x1, rest - rest * at->a, rest * at->a};
-        return 2;
-    case POLE_ABOVE:
-    case POLE_BELOW:
-        for (int c = 0; c < 3; c++) sum[c] += rest * (double)p->pole[at->below == POLE_BELOW][c];
-        break;
-    case NOTHING:
-        break;
+    for (int c = 0; c < 3; c++) {
+        const unsigned char *p = row + f->chan_offset[c];
+        sum[c] += w0 * ilf_texel_of(p + at->x0, f->is_half) + w1 * ilf_texel_of(p + at->x1, f->is_half);
     }
-    return 1;
 }
 
-/* The largest coordinate's size, so that directions of any length can be brought near 1. */
-static double largest(vec a)
+/* Add probe k's radiance at a place. */
+static void add_probe(double sum[3], const ilf *f, const cell *cl, int k, const place *at)
 {
-    return fmax(fabs(a.u), fmax(fabs(a.v), fabs(a.n)));
+    const unsigned char *row = cl->pix[k] + at->row;
+    const double top = cl->w[k] * at->top, rest = cl->w[k] - top;
+
+    add_row(sum, f, row, at, top);
+    if (at->below == NEXT_ROW)
+        add_row(sum, f, row + f->row_bytes, at, rest);
+    else if (at->below != NOTHING)
+        for (int c = 0; c < 3; c++) sum[c] += rest * (double)f->probes[cl->m[k]].pole[at->below == POLE_BELOW][c];
 }
 
-static vec scaled(vec a, double s)
+/* Direction from probe k to the hit, its largest coordinate brought to 1; the ray's own where the two coincide. */
+static vec towards_hit(const ilf *f, const cell *cl, int k)
 {
-    return (vec){a.u * s, a.v * s, a.n * s};
+    const double qu = cl->len_u * (cl->i + (k & 1)) / f->span_u, qv = cl->len_v * (cl->j + (k >> 1)) / f->span_v;
+    const vec to = {cl->h.u - qu - qv * cl->cos_uv, cl->h.v - qv - qu * cl->cos_uv, cl->h.n};
+    const double size = largest(to);
+
+    if (size > 0) return (vec){to.u / size, to.v / size, to.n / size};
+    return cl->d;
 }
 
-/* The same direction, its largest coordinate (size > 0) brought to 1. */
-static vec normal_size(vec a, double size)
-{
-    if (size > 1e-300) return scaled(a, 1 / size);
-    return (vec){a.u / size, a.v / size, a.n / size}; /* the reciprocal would overflow */
-}
-
-ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3], const double dir[3],
-                    const double *hit, ilf_mode mode, ilf_error *err)
+ilf_status ilf_eval_plain(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3], const double dir[3],
+                          const double *hit, ilf_mode mode, ilf_error *err)
 {
     const double *from = hit ? hit : origin;
 
     for (int c = 0; c < 3; c++)
         if (!isfinite(from[c]) || !isfinite(dir[c]))
             return ilf_fail(err, ILF_ERR_ARG, "ray: expected finite coordinates");
-    vec d = to_frame(fr, dir);
-    double size = largest(d);
-    if (!(size < 1e300)) { /* sums of three that large may overflow */
-        const double less[3] = {dir[0] * 0x1p-8, dir[1] * 0x1p-8, dir[2] * 0x1p-8};
-        d = to_frame(fr, less);
-        size = largest(d);
-    }
-    if (!(size > 0)) return ilf_fail(err, ILF_ERR_ARG, "ray: expected a direction that is not zero");
-    d = normal_size(d, size);
+    vec d;
+    if (!normal_direction(&d, fr, dir)) return ilf_fail(err, ILF_ERR_ARG, "ray: expected a direction that is not zero");
 
     if (d.n <= 0) { /* no light from below the plane */
         rgb[0] = rgb[1] = rgb[2] = 0;
@@ -162,30 +182,35 @@ ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const doubl
     const double s = grid_coordinate(pu, len_u, n_u), t = grid_coordinate(pv, len_v, n_v);
     const int i0 = (int)s, j0 = (int)t;
     const double a = s - i0, b = t - j0;
+    const double w[4] = {(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b};
     const int corrected = hit && mode == ILF_DEPTH;
     double sum[3] = {0, 0, 0};
-    ilf_tap tap[8];
-    int taps = 0;
+    cell cl = {.d = d, .h = h, .i = n_u == 1 ? 1 : i0, .j = n_v == 1 ? 1 : j0, .len_u = len_u, .len_v = len_v, .cos_uv = fr->cos_uv};
     place at = {0};
 
     if (!corrected) at = find_place(f, d);
     for (int k = 0; k < 4; k++) {
-        const int i = i0 + (k & 1), j = j0 + (k >> 1);
-        const double w = (k & 1 ? a : 1 - a) * (k >> 1 ? b : 1 - b);
-
-        if (w <= 0) continue; /* also keeps i < n_u, j < n_v */
-        const int64_t m = (int64_t)j * n_u + i;
-        const ilf_status st = ilf_need_probe(f, m, err);
+        cl.w[k] = w[k];
+        if (w[k] <= 0) continue; /* also keeps i < n_u, j < n_v */
+        cl.m[k] = (int64_t)(j0 + (k >> 1)) * n_u + i0 + (k & 1);
+        const ilf_status st = ilf_need_probe(f, cl.m[k], err);
         if (st != ILF_OK) return st;
-        if (corrected) {
-            const double qu = probe_position(i, len_u, n_u), qv = probe_position(j, len_v, n_v);
-            const vec to = {h.u - qu - qv * fr->cos_uv, h.v - qv - qu * fr->cos_uv, h.n};
-            const double dist = largest(to);
-            at = find_place(f, dist > 0 ? normal_size(to, dist) : d);
-        }
-        taps += add_probe(tap + taps, sum, f, &f->probes[m], &at, w);
+        cl.pix[k] = atomic_load_explicit(&f->pix[cl.m[k]], memory_order_relaxed);
+        if (corrected) at = find_place(f, towards_hit(f, &cl, k));
+        add_probe(sum, f, &cl, k, &at);
     }
-    f->sum(sum, f, tap, taps);
     for (int c = 0; c < 3; c++) rgb[c] = (float)sum[c];
     return ILF_OK;
+}
+
+ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3], const double dir[3],
+                    const double *hit, ilf_mode mode, ilf_error *err)
+{
+    const int corrected = hit && mode == ILF_DEPTH;
+
+    if (f->fast[corrected]) {
+        const int st = f->fast[corrected](rgb, f, fr, hit ? hit : origin, dir, err);
+        if (st != ILF_UNUSUAL) return (ilf_status)st;
+    }
+    return ilf_eval_plain(rgb, f, fr, origin, dir, hit, mode, err);
 }

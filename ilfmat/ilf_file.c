@@ -3,7 +3,7 @@
  *
  * The format: one tiled, ONE_LEVEL OpenEXR part with channels R, G, B; one tile is one probe; tile
  * (i, j) is grid node (i, j).  Header attributes ilf:version (int), ilf:origin, ilf:U, ilf:V (v3f),
- * ilf:polarMax (float), optionally ilf:polarValid (float).  Further parts are ignored here.
+ * ilf:polarMax (float), optionally ilf:polarValid (float).  Further parts: ilf_layout.c.
  *
  * Only the header and the table of tile offsets are read.  The table is checked against the
  * file's length, so that a truncated file is refused at once and not in the middle of a
@@ -185,12 +185,11 @@ static ilf_status read_channels(ilf *f, ilf_error *err)
     for (int c = 0; c < 3; c++)
         if (found[c] < 0)
             return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected R, G, B, found no %s", f->path, names[c]);
+    for (int c = 0; c < 3; c++) f->chan_place[c] = found[c];
     f->uniform = half == 0 || half == 3;
     f->is_half = half == 3 || f->is_dwa; /* DWA keeps no more than a half's precision */
     f->info.type = half == 3 ? ILF_HALF : ILF_FLOAT;
     f->texel_bytes = f->is_half ? 2 : 4;
-    f->sum = ilf_choose_sum(f->is_half);
-    for (int c = 0; c < 3; c++) f->chan_offset[c] = (size_t)found[c] * (size_t)f->info.n_theta * f->texel_bytes;
     f->row_bytes = 3 * (size_t)f->info.n_theta * f->texel_bytes;
     if ((int64_t)f->row_bytes > ILF_MAX_PROBE_BYTES / f->info.n_phi)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected probes of at most %lld bytes, found %dx%d texels", f->path,
@@ -298,8 +297,9 @@ void ilf_close(ilf *f)
         const int64_t n = (int64_t)f->info.n_u * f->info.n_v;
         for (int64_t k = 0; k < n; k++) free(f->probes[k].decoded);
         free(f->probes);
-        pthread_mutex_destroy(&f->lock);
     }
+    free(f->pix);
+    pthread_mutex_destroy(&f->lock);
     if (f->exr) exr_finish(&f->exr);
     if (f->map) munmap((void *)(uintptr_t)f->map, (size_t)f->info.file_bytes);
     if (f->fd >= 0) close(f->fd);
@@ -340,13 +340,14 @@ static ilf_status make_probes(ilf *f, ilf_error *err)
     const size_t n = (size_t)f->info.n_u * (size_t)f->info.n_v;
 
     f->probes = calloc(n, sizeof *f->probes);
-    if (!f->probes) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for %zu probes", f->path, n);
-    pthread_mutex_init(&f->lock, NULL);
+    f->pix = calloc(n, sizeof *f->pix);
+    if (!f->probes || !f->pix) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for %zu probes", f->path, n);
     void *m = mmap(NULL, (size_t)f->info.file_bytes, PROT_READ, MAP_SHARED, f->fd, 0);
     if (m != MAP_FAILED) {
         f->map = m;
         madvise(m, (size_t)f->info.file_bytes, MADV_RANDOM); /* no read-ahead past what is touched */
     }
+    ilf_choose_layout(f);
     return ILF_OK;
 }
 
@@ -360,6 +361,7 @@ ilf_status ilf_open(ilf **field, const char *path, ilf_error *err)
         return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory", path);
     }
     f->fd = -1;
+    pthread_mutex_init(&f->lock, NULL);
     if ((st = open_file(f, err)) != ILF_OK || (st = read_layout(f, err)) != ILF_OK ||
         (st = read_channels(f, err)) != ILF_OK || (st = read_attributes(f, err)) != ILF_OK ||
         (st = check_tiles(f, err)) != ILF_OK || (st = make_probes(f, err)) != ILF_OK) {

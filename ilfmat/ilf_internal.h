@@ -23,26 +23,22 @@
 #define ILF_MAX_PROBE_BYTES ((int64_t)1 << 30)
 
 /* One probe.  Texel (x, y), channel c begins at
- *     pix + y*row_bytes + chan_offset[c] + x*texel_bytes
- * whether pix points into the mapped file or to decoded memory: both keep OpenEXR's order,
- * for each row all B, then all G, then all R. */
-enum { PROBE_UNREAD = 0, PROBE_READY = 1 };
+ *     pix + y*row_bytes + chan_offset[c] + x*pixel_bytes
+ * in one of two orders, the same for all probes of a field:
+ *     planar    OpenEXR's, for each row all B, then all G, then all R: what a first part of the file that is used in place
+ *               dictates.  A random lookup waits for 24 cache lines.
+ *     together  R G B of a texel side by side, 8 to 10 cache lines: decoded memory and the file's interleaved part.
+ * The TEXEL_HEAD bytes before pix may be read. */
+enum { TEXEL_HEAD = 16 };
 typedef struct probe {
-    atomic_int state;
-    const unsigned char *pix;
-    void *decoded;  /* owned memory, or NULL when pix points into the file */
+    void *decoded;    /* owned memory, or NULL when pix points into the file */
     float pole[2][3]; /* means of the first and the last row: the values at the poles */
+    int checked;      /* its texels in the file, once; under lock */
 } probe;
 
-/* A stretch of one row that a lookup reads: two texels and their weights, for each channel. */
-typedef struct ilf_tap {
-    const unsigned char *row;
-    size_t x0, x1; /* bytes from the row's (and channel's) start */
-    double w0, w1;
-} ilf_tap;
-
-/* Add the taps' weighted texels to rgb. */
-typedef void ilf_sum_fn(double rgb[3], const ilf *field, const ilf_tap *tap, int taps);
+/* A lookup of usual rays: ilf_eval with from = hit, or origin.  An ilf_status, or ILF_UNUSUAL: nothing done. */
+enum { ILF_UNUSUAL = -1 };
+typedef int ilf_fast_fn(float rgb[3], const ilf *field, const ilf_frame *frame, const double from[3], const double dir[3], ilf_error *err);
 
 struct ilf {
     ilf_info info;
@@ -54,12 +50,19 @@ struct ilf {
     const unsigned char *map; /* whole file, read-only; NULL if it can't be mapped */
     int full_sphere;      /* polar_max is pi: the last row has a pole too */
     int is_half;          /* texels in memory */
-    ilf_sum_fn *sum;      /* for the texels' type and this processor */
-    size_t texel_bytes, row_bytes, probe_bytes;
+    double columns_per_radian, rows_per_radian;
+    double column_ahead, last_row; /* column at azimuth 0, and the last row, counted from the first texel's centre */
+    double span_u, span_v; /* probe (i, j) stands at i/span_u, j/span_v of the edges; single ones, i = 1, in the middle */
+    ilf_fast_fn *fast[2]; /* without and with depth correction, for the texels' order and type and this processor; or NULL */
+    size_t texel_bytes, pixel_bytes, row_bytes, probe_bytes; /* of a channel, a texel, a row, a probe */
     size_t chan_offset[3];
     int is_dwa;           /* compressed with DWA, which has a decoder of its own */
-    int uniform;          /* all channels of one type: raw tiles can be used in place */
+    int uniform;          /* all channels of one type */
+    int chan_place[3];    /* of R, G, B in the first part's rows */
+    int in_place;         /* tiles are used where they are in the mapped file */
+    int second_part;      /* number of the part that holds the texels interleaved; 0: none */
     probe *probes;        /* n_u*n_v, i fastest */
+    const unsigned char *_Atomic *pix; /* of each probe, NULL until it is read */
     pthread_mutex_t lock; /* held while a probe is read */
     ilf_usage usage;      /* under lock */
     ilf_error exr_words;  /* OpenEXR's own words, under lock */
@@ -79,17 +82,32 @@ int ilf_is_full_sphere(double polar_max);
 extern const char *const ilf_compression_names[];
 
 /* Decode tile (i, j) of a DWA-compressed file to halves in our layout (ilf_dwa.c). */
-ilf_status ilf_decode_dwa(const ilf *field, int i, int j, uint16_t *pix, ilf_error *err);
+ilf_status ilf_decode_dwa(const ilf *field, int i, int j, unsigned char *pix, ilf_error *err);
 
-/* The fastest sum for texels of this type (ilf_taps.c). */
-ilf_sum_fn *ilf_choose_sum(int is_half);
+/* Settle in which order texels lie in memory, and what that makes of lookups (ilf_layout.c). */
+void ilf_choose_layout(ilf *field);
+
+/* The second part's name and attribute. */
+#define ILF_INTERLEAVED_NAME "interleaved"
+#define ILF_INTERLEAVED_ATTRIBUTE "ilf:interleaved"
+#define ILF_INTERLEAVED_CHANNEL "RGB"
+
+/* The tile of the first part that lies uncompressed `planar` bytes from the file's start: does pix hold the same texels
+ * together, and put them there.  1 for yes, or done. */
+int ilf_same_texels(const ilf *field, const unsigned char *pix, uint64_t planar);
+int ilf_copy_texels(const ilf *field, unsigned char *pix, uint64_t planar);
+
+/* ilf_eval in plain C, for any ray on any processor; and what is faster where the processor has AVX2, FMA and F16C, else NULL. */
+ilf_status ilf_eval_plain(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3], const double dir[3],
+                          const double *hit, ilf_mode mode, ilf_error *err);
+ilf_fast_fn *ilf_eval_avx2(const ilf *field, int depth);
 
 /* Make probe k ready (ilf_probe.c).  Cheap when it is. */
 ilf_status ilf_load_probe(const ilf *field, int64_t k, ilf_error *err);
 
 static inline ilf_status ilf_need_probe(const ilf *f, int64_t k, ilf_error *err)
 {
-    if (atomic_load_explicit(&f->probes[k].state, memory_order_acquire) == PROBE_READY) return ILF_OK;
+    if (atomic_load_explicit(&f->pix[k], memory_order_acquire)) return ILF_OK;
     return ilf_load_probe(f, k, err);
 }
 

@@ -49,7 +49,7 @@ static float row_bound(const ilf *f, const unsigned char *row)
 
 static double texel_luminance(const ilf *f, const unsigned char *row, int x)
 {
-    const size_t at = (size_t)x * f->texel_bytes;
+    const size_t at = (size_t)x * f->pixel_bytes;
     const float rgb[3] = {ilf_texel(f, row + f->chan_offset[0] + at), ilf_texel(f, row + f->chan_offset[1] + at),
                           ilf_texel(f, row + f->chan_offset[2] + at)};
 

@@ -1,14 +1,19 @@
 /*
  * ilf_write.c - write an incident light field file, version 1 (format: ilf_file.c).
  */
+#include <errno.h>
+#include <fcntl.h>
 #include <stdlib.h>
+#include <unistd.h>
 
+#include "exr_header.h"
 #include "exr_whole.h"
 #include "ilf_internal.h"
 
 struct ilf_writer {
     exr_context_t exr;
     char *path; /* as errors call the file */
+    char *file; /* where it is */
     ilf_spec spec;
     int64_t next;     /* probe to come */
     uint16_t *half;   /* one probe, when the file holds halves */
@@ -62,7 +67,7 @@ static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compressio
         if (sides[c] < 1 || sides[c] > ILF_MAX_SIDE)
             return ilf_fail(err, ILF_ERR_ARG, "%s: expected grid and probe sizes from 1 to %d, found %d", path,
                             ILF_MAX_SIDE, sides[c]);
-    const int64_t w = (int64_t)s->n_u * s->n_theta, h = (int64_t)s->n_v * s->n_phi;
+    const int64_t w = (s->interleave ? 3 : 1) * (int64_t)s->n_u * s->n_theta, h = (int64_t)s->n_v * s->n_phi;
     if (w > INT32_MAX / 2 || h > INT32_MAX / 2 || (int64_t)s->n_theta * s->n_phi > ILF_MAX_PROBE_BYTES / 12)
         return ilf_fail(err, ILF_ERR_ARG, "%s: %dx%d probes of %dx%d texels are more than a file can hold", path, s->n_u,
                         s->n_v, s->n_theta, s->n_phi);
@@ -71,6 +76,9 @@ static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compressio
         return ilf_fail(err, ILF_ERR_ARG, "%s: compression: expected none, rle, zips, zip, piz, pxr24, b44 or b44a, "
                         "found %s", path, name);
     *compression = (exr_compression_t)k;
+    if (s->interleave && *compression != EXR_COMPRESSION_NONE)
+        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: expected none for a file that holds its texels interleaved too, found %s",
+                        path, name);
     if (*compression == EXR_COMPRESSION_DWAA || *compression == EXR_COMPRESSION_DWAB)
         return ilf_fail(err, ILF_ERR_ARG, "%s: compression: %s can be read but not written; expected another", path, name);
     ilf_status st = ilf_check_polar(s->polar_max, s->polar_valid > 0 ? s->polar_valid : s->polar_max, path, err);
@@ -88,6 +96,25 @@ static exr_result_t set_vector(exr_context_t x, const char *name, const double v
     return exr_attr_set_v3f(x, 0, name, &a);
 }
 
+#define TRY(call) \
+    if ((r = (call)) != EXR_ERR_SUCCESS) return r
+
+/* The part that ilf_layout.c describes. */
+static exr_result_t add_interleaved(exr_context_t x, const ilf_spec *s, const exr_attr_box2i_t *display)
+{
+    const exr_attr_box2i_t window = {{{{0, 0}}}, {{{3 * s->n_u * s->n_theta - 1, s->n_v * s->n_phi - 1}}}};
+    const exr_attr_v2f_t centre = {{{0, 0}}};
+    exr_result_t r;
+    int part;
+
+    TRY(exr_add_part(x, ILF_INTERLEAVED_NAME, EXR_STORAGE_TILED, &part));
+    TRY(exr_initialize_required_attr(x, part, display, &window, 1.f, &centre, 1.f, EXR_LINEORDER_INCREASING_Y, EXR_COMPRESSION_NONE));
+    TRY(exr_set_tile_descriptor(x, part, 3 * (uint32_t)s->n_theta, (uint32_t)s->n_phi, EXR_TILE_ONE_LEVEL, EXR_TILE_ROUND_DOWN));
+    TRY(exr_add_channel(x, part, ILF_INTERLEAVED_CHANNEL, s->type == ILF_HALF ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT,
+                        EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1));
+    return exr_attr_set_int(x, part, ILF_INTERLEAVED_ATTRIBUTE, 1);
+}
+
 static exr_result_t write_header(ilf_writer *w, exr_compression_t compression)
 {
     const ilf_spec *s = &w->spec;
@@ -98,8 +125,6 @@ static exr_result_t write_header(ilf_writer *w, exr_compression_t compression)
     exr_result_t r;
     int part;
 
-#define TRY(call) \
-    if ((r = (call)) != EXR_ERR_SUCCESS) return r
     TRY(exr_add_part(x, "probes", EXR_STORAGE_TILED, &part));
     TRY(exr_initialize_required_attr(x, 0, &window, &window, 1.f, &centre, 1.f, EXR_LINEORDER_INCREASING_Y, compression));
     TRY(exr_set_tile_descriptor(x, 0, (uint32_t)s->n_theta, (uint32_t)s->n_phi, EXR_TILE_ONE_LEVEL, EXR_TILE_ROUND_DOWN));
@@ -116,10 +141,10 @@ static exr_result_t write_header(ilf_writer *w, exr_compression_t compression)
     if (s->comments) TRY(exr_attr_set_string(x, 0, "comments", s->comments));
     if (s->owner) TRY(exr_attr_set_string(x, 0, "owner", s->owner));
     if (s->cap_date) TRY(exr_attr_set_string(x, 0, "capDate", s->cap_date));
-    TRY(exr_write_header(x));
-#undef TRY
-    return EXR_ERR_SUCCESS;
+    if (s->interleave) TRY(add_interleaved(x, s, &window));
+    return exr_write_header(x);
 }
+#undef TRY
 
 ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec *spec, ilf_error *err)
 {
@@ -129,7 +154,7 @@ ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec
 
     if (st != ILF_OK) return st;
     ilf_writer *w = calloc(1, sizeof *w);
-    if (!w || !(w->path = strdup(name)) ||
+    if (!w || !(w->path = strdup(name)) || !(w->file = strdup(path)) ||
         (spec->type == ILF_HALF && !(w->half = malloc((size_t)spec->n_theta * (size_t)spec->n_phi * 6)))) {
         ilf_writer_abort(w);
         return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory", name);
@@ -211,6 +236,54 @@ ilf_status ilf_writer_probe(ilf_writer *w, const float *rgb, ilf_error *err)
     return ILF_OK;
 }
 
+/* Texels of a raw planar tile, B G R row by row, each one's R G B together. */
+static void together(unsigned char *to, const unsigned char *from, size_t n_theta, size_t n_phi, size_t size)
+{
+    for (size_t y = 0; y < n_phi; y++, to += 3 * n_theta * size)
+        for (size_t c = 3; c-- > 0; from += n_theta * size)
+            for (size_t x = 0; x < n_theta; x++) memcpy(to + (3 * x + c) * size, from + x * size, size);
+}
+
+/* The first part's tiles lie in the file as they came, one after the other to its end: a part's tiles must all
+ * be written before the next part's, so they are read from there again. */
+static ilf_status copy_tiles(ilf_writer *w, int fd, unsigned char *tile, unsigned char *out, ilf_error *err)
+{
+    const size_t n_theta = (size_t)w->spec.n_theta, n_phi = (size_t)w->spec.n_phi, size = w->half ? 2 : 4;
+    const uint64_t bytes = 3 * n_theta * n_phi * size, head = 24; /* part, x, y, level x, level y, size */
+    const int64_t n = (int64_t)w->spec.n_u * w->spec.n_v;
+    struct stat st;
+
+    if (fstat(fd, &st) != 0) return ilf_fail(err, ILF_ERR_IO, "%s: %s", w->path, strerror(errno));
+    const uint64_t end = (uint64_t)st.st_size, all = (uint64_t)n * (head + bytes);
+    for (int64_t k = 0; k < n; k++) {
+        const uint32_t i = (uint32_t)(k % w->spec.n_u), j = (uint32_t)(k / w->spec.n_u);
+        if (end < all || exr_bytes_at(fd, tile, head + bytes, end - all + (uint64_t)k * (head + bytes)) != 0 || exr_u32(tile) != 0 ||
+            exr_u32(tile + 4) != i || exr_u32(tile + 8) != j || exr_u32(tile + 20) != bytes)
+            return ilf_fail(err, ILF_ERR_IO, "%s: probe (%u,%u): expected to read what was written, found something else", w->path, i, j);
+        together(out, tile + head, n_theta, n_phi, size);
+        const exr_result_t r = exr_write_tile_chunk(w->exr, 1, (int)i, (int)j, 0, 0, out, bytes);
+        if (r != EXR_ERR_SUCCESS) return failed(w, r, err);
+    }
+    return ILF_OK;
+}
+
+static ilf_status write_interleaved(ilf_writer *w, ilf_error *err)
+{
+    const size_t bytes = (size_t)w->spec.n_theta * (size_t)w->spec.n_phi * 12;
+    unsigned char *tile = malloc(24 + bytes), *out = malloc(bytes);
+    const int fd = tile && out ? open(w->file, O_RDONLY | O_CLOEXEC) : -1;
+    ilf_status st;
+
+    if (!tile || !out)
+        st = ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a probe", w->path);
+    else
+        st = fd >= 0 ? copy_tiles(w, fd, tile, out, err) : ilf_fail(err, ILF_ERR_IO, "%s: %s", w->path, strerror(errno));
+    if (fd >= 0) close(fd);
+    free(tile);
+    free(out);
+    return st;
+}
+
 ilf_status ilf_writer_close(ilf_writer *w, ilf_error *err)
 {
     ilf_status st = ILF_OK;
@@ -220,9 +293,10 @@ ilf_status ilf_writer_close(ilf_writer *w, ilf_error *err)
                       (long long)w->spec.n_u * w->spec.n_v, (long long)w->next);
     else {
         at_work = w;
+        if (w->spec.interleave) st = write_interleaved(w, err);
         const exr_result_t r = exr_finish(&w->exr);
         w->exr = NULL;
-        if (r != EXR_ERR_SUCCESS) st = failed(w, r, err);
+        if (st == ILF_OK && r != EXR_ERR_SUCCESS) st = failed(w, r, err);
     }
     ilf_writer_abort(w);
     return st;
@@ -234,6 +308,7 @@ void ilf_writer_abort(ilf_writer *w)
     at_work = NULL;
     if (w->exr) exr_finish(&w->exr);
     free(w->half);
+    free(w->file);
     free(w->path);
     free(w);
 }

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "cli.h"
 #include "ilf.h"
@@ -139,6 +140,7 @@ static void print_header(const char *path, const ilf *field)
            in->n_v > 1 ? f->len_v / (in->n_v - 1) : f->len_v);
     printf("polar max     %.6g degrees\n", in->polar_max * 180 / PI);
     printf("polar valid   %.6g degrees\n", in->polar_valid * 180 / PI);
+    printf("interleaved   %s\n", in->interleaved ? "yes, as a second part" : strcmp(in->compression, "none") ? "when decoded" : "no");
     printf("file size     %.1f MB\n", (double)in->file_bytes * 1e-6);
 }
 
@@ -177,7 +179,10 @@ int main(int argc, char **argv)
     if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     const ilf_info *in = ilf_get_info(field);
     print_header(argv[1], field);
-    if (header_only) return cli_end(CLI_OK);
+    if (header_only) {
+        ilf_close(field);
+        return cli_end(CLI_OK);
+    }
 
     if (montage) {
         const int64_t full_w = (int64_t)in->n_u * in->n_theta, full_h = (int64_t)in->n_v * in->n_phi;

@@ -14,7 +14,7 @@
 
 #define PI 3.14159265358979323846
 
-static int n_u, n_v;
+static int n_u, n_v, interleave;
 static double plane[9], polar_max_deg, polar_valid_deg;
 static const char *plane_text, *type_name = "half", *compression = "none", *target;
 
@@ -31,6 +31,8 @@ static const cli_opt options[] = {
     {"type", 't', CLI_STRING, &type_name, NULL, "half|float", "texels in the file (default half)"},
     {"compression", 'c', CLI_STRING, &compression, NULL, "NAME",
      "none rle zips zip piz pxr24 b44 b44a (default none: renderers then\nshare the file's own bytes)"},
+    {"interleave", 0, CLI_FLAG, &interleave, NULL, NULL,
+     "hold the texels a second time, in the order that lookups like best:\ntwice the file, and faster where it is used in place"},
     {"polar-max", 0, CLI_DOUBLE, &polar_max_deg, NULL, "DEG",
      "polar angle at the probes' lower edge (default: as the first probe's\nilf:polarMax says, else 90)"},
     {"polar-valid", 0, CLI_DOUBLE, &polar_valid_deg, NULL, "DEG",
@@ -158,7 +160,7 @@ int main(int argc, char **argv)
 
     check_usage(n);
     const probe_facts facts = read_facts(argv[1]);
-    ilf_spec spec = {.n_u = n_u, .n_v = n_v, .compression = compression, .comments = line, .name = target};
+    ilf_spec spec = {.n_u = n_u, .n_v = n_v, .compression = compression, .interleave = interleave, .comments = line, .name = target};
     spec.type = strcmp(type_name, "half") == 0 ? ILF_HALF : ILF_FLOAT;
     memcpy(spec.origin, plane, sizeof spec.origin);
     memcpy(spec.U, plane + 3, sizeof spec.U);

@@ -3,7 +3,7 @@
 
 BENCH ?=
 STOCK := $(B0)/bench/stock
-bench-render: radiance $(B)/test/ilfspeed $(STOCK)/bin/rpict $(VENV)/.packages
+bench-render: radiance $(B)/test/ilfspeed $(B)/test/ilfcopy $(STOCK)/bin/rpict $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) tests/bench_render.py $(BENCH)
 
 .PHONY: bench-stock

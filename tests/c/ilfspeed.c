@@ -64,7 +64,7 @@ int main(int argc, char **argv)
 {
     static const char *const names[] = {"random", "point", "coherent"};
     const int argn = cli_parse(&prog, argc, argv);
-    enum { BATCH = 1 << 17 };
+    enum { BATCH = 1 << 12 }; /* rays that stay in the cache: a renderer does not read them from memory either */
     double(*ray)[9] = malloc(BATCH * sizeof *ray), sum = 0;
     ilf_error err;
     ilf *field;

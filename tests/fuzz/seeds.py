@@ -26,6 +26,20 @@ def ilf_files():
                               plane=((0, 0, 0), (1, 0, 0), (0, 2, 0)))
             iu.write_ilf(path, f, half=half, compression=comp)
             yield f"{comp}-{k}", path.read_bytes()
+        for k, half in ((9, True), (10, False)):
+            f = iu.random_ilf(rng, 2, 2, 4, 3, half=half, plane=((0, 0, 0), (1, 0, 0), (0, 2, 0)))
+            iu.write_ilf(path, f, half=half, parts=[interleaved(f, half)])
+            yield f"interleaved-{k}", path.read_bytes()
+
+
+def interleaved(f, half):
+    import OpenEXR
+    tiles = OpenEXR.TileDescription()
+    tiles.xSize, tiles.ySize = 3 * f.n_theta, f.n_phi
+    image = f.mosaic().astype(np.float16 if half else np.float32)
+    window = np.zeros(2, np.int32), np.array([image.shape[1] - 1, image.shape[0] - 1], np.int32)
+    header = {"type": OpenEXR.tiledimage, "tiles": tiles, "compression": OpenEXR.NO_COMPRESSION, "displayWindow": window, "ilf:interleaved": 1}
+    return OpenEXR.Part(header, {"RGB": image.reshape(image.shape[0], -1).copy()}, "interleaved")
 
 
 def exr_pictures():
