@@ -113,14 +113,19 @@ static double distance3(const double a[3], const double b[3])
     return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
 }
 
-/* One look from a probe: in direction (theta, phi) light comes from p, at distance t. */
+/* One look from a probe: in direction (theta, phi) light comes from p, at distance t.  part < 0: from nowhere. */
 typedef struct look {
     double theta, phi, p[3], t;
     int part;
 } look;
 
-/* Where light from direction (theta, phi) reaches probe position q (plane's coordinates) from. */
-static look look_along(const ilf_sampler *s, const double q[3], double theta, double phi)
+/* Steps of the distance, as factors: from one part of a patch to another, and from a thing to the next behind it. */
+#define JUMP 1.1
+#define BEHIND 1.03
+
+/* Where light from direction (theta, phi) reaches probe position q (plane's coordinates) from; or, with beyond > 0, what stands behind
+ * what is at that distance. */
+static look look_along(const ilf_sampler *s, const double q[3], double theta, double phi, double beyond)
 {
     const ilf_frame *fr = &s->frame;
     look l = {.theta = theta, .phi = phi};
@@ -131,8 +136,8 @@ static look look_along(const ilf_sampler *s, const double q[3], double theta, do
         double origin[3], dir[3], hit[3];
 
         to_world(origin, fr, q);
-        for (int c = 0; c < 3; c++) origin[c] += fr->origin[c];
         to_world(dir, fr, d);
+        for (int c = 0; c < 3; c++) origin[c] += fr->origin[c] + BEHIND * beyond * dir[c];
         if (s->spec.hit(hit, origin, dir, s->spec.context)) {
             for (int c = 0; c < 3; c++) hit[c] -= fr->origin[c];
             for (int c = 0; c < 3; c++) {
@@ -143,16 +148,21 @@ static look look_along(const ilf_sampler *s, const double q[3], double theta, do
             return l;
         }
     }
+    if (beyond > 0) {
+        l.part = -1;
+        return l;
+    }
     l.t = FAR_AWAY * (fr->len_u + fr->len_v);
     for (int c = 0; c < 3; c++) l.p[c] = q[c] + l.t * d[c];
     return l;
 }
 
 /* A patch at the edge of something lies half on what is behind: one ball around both would hold most of the
- * room.  So the looks of a patch are parted at jumps of their distance, and each part has a ball of its own. */
-enum { LARGE_STEPS = 8, SMALL_STEPS = 2, MAX_PARTS = 4, HALVINGS = 3 };
+ * room.  So the looks of a patch are parted at jumps of their distance, and each part has a ball of its own.
+ * A lookup asks for the direction from the probe to where the ray ends: what a probe sees on a lamp shows on the wall behind
+ * it, too, from where the lamp does not hide the wall.  So there are such balls for each layer of things. */
+enum { LARGE_STEPS = 8, SMALL_STEPS = 2, MAX_PARTS = 4, HALVINGS = 3, MAX_LAYERS = 6 };
 enum { GRID = (LARGE_STEPS + 1) * (LARGE_STEPS + 1), MAX_LOOKS = GRID + 2 * HALVINGS * LARGE_STEPS * (LARGE_STEPS + 1) };
-#define JUMP 1.1 /* of the distance, from one look to the next */
 
 static int by_distance(const void *a, const void *b)
 {
@@ -207,7 +217,7 @@ static int find_parts(look *l, int n, double half)
 static int find_edge(look *more, const ilf_sampler *s, const double q[3], look a, look b)
 {
     for (int k = 0; k < HALVINGS; k++) {
-        look m = look_along(s, q, 0.5 * (a.theta + b.theta), 0.5 * (a.phi + b.phi));
+        look m = look_along(s, q, 0.5 * (a.theta + b.theta), 0.5 * (a.phi + b.phi), 0);
 
         if (m.t * m.t < a.t * b.t ? a.t < b.t : a.t > b.t) {
             m.part = a.part;
@@ -253,26 +263,38 @@ static int make_patch(ilf_sampler *s, int i, int j, const int x[2], const int y[
     /* a small patch by corners and middles of its sides; in a large one the geometry may be anything */
     const double across = 2 * side * sin(fmin(hi, ILF_PI / 2));
     const int steps = at_pole || fmax(across, hi - lo) > LARGE_PATCH ? LARGE_STEPS : SMALL_STEPS, row = steps + 1;
-    int n = row * row;
-    for (int k = 0; k < n; k++)
-        l[k] = look_along(s, q, middle + side * (2.0 * (k % row) / steps - 1), lo + (hi - lo) * (k / row) / steps);
-    const double half = 0.5 * hypot(at_pole ? 2 * hi : across, at_pole ? 0 : hi - lo);
-    const int parts = find_parts(l, n, half);
-    if (parts > 1)
-        for (int k = 0, grid = n; k < grid; k++) {
-            if (k % row < steps && l[k].part != l[k + 1].part) n += find_edge(l + n, s, q, l[k], l[k + 1]);
-            if (k + row < grid && l[k].part != l[k + row].part) n += find_edge(l + n, s, q, l[k], l[k + row]);
-        }
-    for (int k = 0; k < parts; k++) {
-        patch *p = add_patch(&s->patches);
-        double centre[3], radius;
+    const double half = 0.5 * hypot(at_pole ? 2 * hi : across, at_pole ? 0 : hi - lo), step = fmax(across, hi - lo) / steps;
+    for (int k = 0; k < row * row; k++)
+        l[k] = look_along(s, q, middle + side * (2.0 * (k % row) / steps - 1), lo + (hi - lo) * (k / row) / steps, 0);
+    for (int layer = 0, there = row * row; layer < MAX_LAYERS && there; layer++) {
+        const int whole = there == row * row;
+        const int parts = find_parts(l, row * row, half);
+        int n = row * row;
 
-        if (!p) return -1;
-        const double least = ball(centre, &radius, l, n, k, parts > 1 ? -1 : at_pole ? 0 : row * row / 2);
-        /* the rim bulges a little between the looks, and an edge is known to a part of a step */
-        radius *= 1.05;
-        if (parts > 1) radius += least * fmax(across, hi - lo) / (steps << HALVINGS);
-        *p = (patch){(float)centre[0], (float)centre[1], (float)centre[2], (float)radius, (float)excess, i, j, parts == 1};
+        if (layer == 0 && parts > 1)
+            for (int k = 0; k < row * row; k++) {
+                if (k % row < steps && l[k].part != l[k + 1].part) n += find_edge(l + n, s, q, l[k], l[k + 1]);
+                if (k + row < row * row && l[k].part != l[k + row].part) n += find_edge(l + n, s, q, l[k], l[k + row]);
+            }
+        for (int k = 0; k < parts; k++) {
+            patch *p = add_patch(&s->patches);
+            double centre[3], radius;
+
+            if (!p) return -1;
+            const double least = ball(centre, &radius, l, n, k, parts > 1 || !whole ? -1 : at_pole ? 0 : row * row / 2);
+            /* the rim bulges a little between the looks, and an edge is known to a part of a step, or to a step */
+            radius *= 1.05;
+            if (layer > 0)
+                radius += least * step;
+            else if (parts > 1)
+                radius += least * step / (1 << HALVINGS);
+            *p = (patch){(float)centre[0], (float)centre[1], (float)centre[2], (float)radius, (float)excess, i, j, layer == 0 && parts == 1};
+        }
+        there = 0;
+        for (int k = 0; k < row * row; k++) {
+            if (l[k].part >= 0) l[k] = look_along(s, q, l[k].theta, l[k].phi, l[k].t);
+            there += l[k].part >= 0;
+        }
     }
     return 0;
 }

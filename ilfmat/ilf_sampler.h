@@ -11,6 +11,9 @@
 enum { SLICE_BITS = 8, SLICE_SIDE = 1 << SLICE_BITS, SLICE_CELLS = SLICE_SIDE * SLICE_SIDE };
 #define SLICE_OMEGA (2 * ILF_PI / SLICE_CELLS)
 
+/* Where light may be is marked in cells of 2 x 2 of the map's: the bounds are no finer than that. */
+enum { MARK_SIDE = SLICE_SIDE / 2, MARK_CELLS = MARK_SIDE * MARK_SIDE };
+
 /* Part of the draws that goes to all directions alike, in case a patch is not where it seems. */
 #define SLICE_UNIFORM 0.02
 
@@ -53,11 +56,13 @@ struct ilf_sampler {
     ilf_slice **table; /* open addressing, table_size a power of two */
     size_t table_size, used;
     int64_t built;
-    float (*cell_dir)[3];  /* centres of cells, by row and column */
-    /* scratch of SLICE_CELLS */
-    float *weight, *probe_weight, *near, *far, *seen;
-    int *owner;
-    uint16_t *touched;
+    float (*cell_dir)[3], (*mark_dir)[3];  /* centres of cells, by row and column */
+    struct mark {
+        float weight, probe_weight, near, far;
+        int owner; /* probe that marked it last, + 1 */
+    } *mark;       /* scratch of MARK_CELLS; below, of SLICE_CELLS */
+    float *weight, *near, *far, *seen, *most;
+    uint16_t *marked, *touched;
 };
 
 /* List what exceeds the threshold (ilf_patches.c); threshold 0 is set to 3 times the mean. */

@@ -30,36 +30,48 @@ void ilf_sampler_close(ilf_sampler *s)
     free(s->table);
     free(s->patches.p);
     free(s->cell_dir);
+    free(s->mark_dir);
+    free(s->mark);
     free(s->weight);
-    free(s->probe_weight);
     free(s->near);
     free(s->far);
     free(s->seen);
-    free(s->owner);
+    free(s->most);
+    free(s->marked);
     free(s->touched);
     free(s);
+}
+
+/* Centres of the cells of a map of side x side. */
+static float (*centres(int side))[3]
+{
+    float(*dir)[3] = malloc((size_t)(side * side) * sizeof *dir);
+
+    for (int k = 0; dir && k < side * side; k++) {
+        double d[3];
+        ilf_square_to_hemi(d, (k % side + 0.5) * 2 / side - 1, (k / side + 0.5) * 2 / side - 1);
+        for (int c = 0; c < 3; c++) dir[k][c] = (float)d[c];
+    }
+    return dir;
 }
 
 static int make_scratch(ilf_sampler *s)
 {
     s->table_size = TABLE_START;
     s->table = calloc(s->table_size, sizeof *s->table);
-    s->cell_dir = malloc(SLICE_CELLS * sizeof *s->cell_dir);
+    s->cell_dir = centres(SLICE_SIDE);
+    s->mark_dir = centres(MARK_SIDE);
+    s->mark = calloc(MARK_CELLS, sizeof *s->mark);
+    s->marked = malloc(MARK_CELLS * sizeof *s->marked);
     s->weight = calloc(SLICE_CELLS, sizeof *s->weight);
-    s->probe_weight = calloc(SLICE_CELLS, sizeof *s->probe_weight);
     s->near = calloc(SLICE_CELLS, sizeof *s->near);
     s->far = calloc(SLICE_CELLS, sizeof *s->far);
     s->seen = calloc(SLICE_CELLS, sizeof *s->seen);
-    s->owner = calloc(SLICE_CELLS, sizeof *s->owner);
+    s->most = calloc(SLICE_CELLS, sizeof *s->most);
     s->touched = malloc(SLICE_CELLS * sizeof *s->touched);
-    if (!s->table || !s->cell_dir || !s->weight || !s->probe_weight || !s->near || !s->far || !s->seen || !s->owner || !s->touched) return -1;
-    for (int b = 0; b < SLICE_SIDE; b++)
-        for (int a = 0; a < SLICE_SIDE; a++) {
-            double d[3];
-            ilf_square_to_hemi(d, (a + 0.5) * 2 / SLICE_SIDE - 1, (b + 0.5) * 2 / SLICE_SIDE - 1);
-            for (int c = 0; c < 3; c++) s->cell_dir[b * SLICE_SIDE + a][c] = (float)d[c];
-        }
-    return 0;
+    return s->table && s->cell_dir && s->mark_dir && s->mark && s->marked && s->weight && s->near && s->far && s->seen && s->most && s->touched
+               ? 0
+               : -1;
 }
 
 ilf_status ilf_sampler_open(ilf_sampler **sampler, const ilf *field, const ilf_frame *frame,
@@ -140,36 +152,38 @@ float ilf_patch_weight(const ilf_sampler *s, const patch *p, const float x[3], f
     return wu > 0 ? wu * tent((fv - spread_v) * sv, (fv + spread_v) * sv, p->j, in->n_v) : 0;
 }
 
-/* Light of a probe in cell k.  Within one probe patches overlap: the larger counts; different probes' weights add up, as in the
+/* Light of a probe in a cell.  Within one probe patches overlap: the larger counts; different probes' weights add up, as in the
  * lookup.  Returns 1 if the cell is new. */
-static inline int mark(ilf_sampler *s, int k, int owner, float value, float dist, int touched)
+static inline int add_light(struct mark *m, int owner, float value, float dist)
 {
-    const int is_new = s->owner[k] == 0;
+    const int is_new = m->owner == 0;
 
-    if (is_new) {
-        s->touched[touched] = (uint16_t)k;
-        s->near[k] = s->far[k] = dist;
+    if (is_new) m->near = m->far = dist;
+    if (dist < m->near) m->near = dist;
+    if (dist > m->far) m->far = dist;
+    if (m->owner != owner) {
+        m->owner = owner;
+        m->probe_weight = 0;
     }
-    if (dist < s->near[k]) s->near[k] = dist;
-    if (dist > s->far[k]) s->far[k] = dist;
-    if (s->owner[k] != owner) {
-        s->owner[k] = owner;
-        s->probe_weight[k] = 0;
-    }
-    if (value > s->probe_weight[k]) {
-        s->weight[k] += value - s->probe_weight[k];
-        s->probe_weight[k] = value;
+    if (value > m->probe_weight) {
+        m->weight += value - m->probe_weight;
+        m->probe_weight = value;
     }
     return is_new;
 }
 
-/* Mark the cells that the patch's cone meets. */
-static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, float w, int touched)
+static int clamp_mark(double x)
+{
+    return x < 0 ? 0 : x >= MARK_SIDE ? MARK_SIDE - 1 : (int)x;
+}
+
+/* Mark the cells that the patch's cone meets; returns how many are marked. */
+static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, float w, int marked)
 {
     const double d[3] = {(double)(p->u - x[0]), (double)(p->v - x[1]), (double)(p->n - x[2])};
     const double dist = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
     const double ball = (double)p->radius + (double)r * 1.7320508; /* a cube's half diagonal */
-    const double half_cell = 1.5 * 1.4142136 / SLICE_SIDE * 1.5708; /* cells are at most that far across */
+    const double half_cell = 1.5 * 1.4142136 / MARK_SIDE * 1.5708; /* cells are at most that far across */
     const double cone = ball < dist ? asin(ball / dist) : ILF_PI;
     const double reach = cone + half_cell;
     const double unit[3] = {d[0] / dist, d[1] / dist, d[2] / dist};
@@ -180,16 +194,38 @@ static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, floa
     ilf_hemi_to_square(&a, &b, unit);
     const double below = unit[2] < 0 ? asin(fmin(1, -unit[2])) : 0; /* the centre was lifted to the horizon */
     const double side = ILF_HEMI_STRETCH * (reach + below);
-    const int a0 = clamp_cell((a - side + 1) * (SLICE_SIDE / 2)), a1 = clamp_cell((a + side + 1) * (SLICE_SIDE / 2));
-    const int b0 = clamp_cell((b - side + 1) * (SLICE_SIDE / 2)), b1 = clamp_cell((b + side + 1) * (SLICE_SIDE / 2));
+    const int a0 = clamp_mark((a - side + 1) * (MARK_SIDE / 2)), a1 = clamp_mark((a + side + 1) * (MARK_SIDE / 2));
+    const int b0 = clamp_mark((b - side + 1) * (MARK_SIDE / 2)), b1 = clamp_mark((b + side + 1) * (MARK_SIDE / 2));
     const float du = (float)unit[0], dv = (float)unit[1], dn = (float)unit[2];
 
-    for (int row = b0; row <= b1; row++) {
-        const float(*c)[3] = s->cell_dir + row * SLICE_SIDE;
+    for (int row = b0; row <= b1; row++)
+        for (int k = row * MARK_SIDE + a0; k <= row * MARK_SIDE + a1; k++) {
+            const float *c = s->mark_dir[k];
 
-        for (int col = a0; col <= a1; col++)
-            if (c[col][0] * du + c[col][1] * dv + c[col][2] * dn >= near)
-                touched += mark(s, row * SLICE_SIDE + col, owner, value, (float)dist, touched);
+            if (c[0] * du + c[1] * dv + c[2] * dn >= near && add_light(&s->mark[k], owner, value, (float)dist))
+                s->marked[marked++] = (uint16_t)k;
+        }
+    return marked;
+}
+
+/* From the marks to the map's cells; clears the marks.  Returns how many cells are touched. */
+static int touch(ilf_sampler *s, int marked)
+{
+    int touched = 0;
+
+    for (int t = 0; t < marked; t++) {
+        struct mark *m = &s->mark[s->marked[t]];
+        const int corner = s->marked[t] / MARK_SIDE * 2 * SLICE_SIDE + s->marked[t] % MARK_SIDE * 2;
+
+        for (int c = 0; c < 4; c++) {
+            const int k = corner + (c >> 1) * SLICE_SIDE + (c & 1);
+            s->touched[touched++] = (uint16_t)k;
+            s->weight[k] = m->weight;
+            s->near[k] = m->near;
+            s->far[k] = m->far;
+        }
+        m->weight = 0;
+        m->owner = 0;
     }
     return touched;
 }
@@ -236,20 +272,20 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
         for (int b = row > 0 ? row - 1 : 0; b <= row + 1 && b < SLICE_SIDE; b++)
             for (int a = col > 0 ? col - 1 : 0; a <= col + 1 && a < SLICE_SIDE; a++)
                 if (s->seen[b * SLICE_SIDE + a] > most) most = s->seen[b * SLICE_SIDE + a];
-        s->probe_weight[s->touched[t]] = most;
+        s->most[s->touched[t]] = most;
         seen += (double)most;
         bound += (double)s->weight[s->touched[t]];
     }
     const float share = seen > 0 ? (float)(SLICE_BOUND * fmin(seen / bound, 1)) : 1;
     for (int t = 0; t < touched; t++) {
         const int k = s->touched[t];
-        s->weight[k] = share * s->weight[k] + s->probe_weight[k];
+        s->weight[k] = share * s->weight[k] + s->most[k];
         s->seen[k] = 0;
     }
     return ILF_OK;
 }
 
-/* Turn the touched cells into a slice, and clear the scratch. */
+/* Turn the touched cells into a slice. */
 static ilf_slice *collect(ilf_sampler *s, int touched)
 {
     const size_t n = (size_t)touched;
@@ -271,8 +307,6 @@ static ilf_slice *collect(ilf_sampler *s, int touched)
         sl->near[k] = s->near[at];
         sl->far[k] = s->far[at];
         total += fmax((double)s->weight[at], 1e-30); /* never 0 in all */
-        s->weight[at] = 0;
-        s->owner[at] = 0;
     }
     for (size_t k = 0; k < n; k++) sl->cdf[k] = (float)((double)sl->cdf[k] / total);
     sl->cdf[n] = 1;
@@ -285,14 +319,15 @@ static ilf_status build(ilf_slice **slice, ilf_sampler *s, const int64_t key[3],
     const double e = s->cube;
     const float x[3] = {(float)(((double)key[0] + 0.5) * e), (float)(((double)key[1] + 0.5) * e), (float)(((double)key[2] + 0.5) * e)};
     const float r = (float)(0.5 * e);
-    int touched = 0;
+    int marked = 0;
 
     for (size_t k = 0; k < s->patches.n; k++) {
         const float w = ilf_patch_weight(s, &s->patches.p[k], x, r);
-        if (w > 0) touched = splat(s, &s->patches.p[k], x, r, w, touched);
+        if (w > 0) marked = splat(s, &s->patches.p[k], x, r, w, marked);
     }
-    const ilf_status st = sharpen(s, touched, key, err);
-    ilf_slice *sl = collect(s, touched); /* also clears the scratch */
+    const int touched = touch(s, marked);
+    const ilf_status st = sharpen(s, touched, key, err); /* also clears what it has seen */
+    ilf_slice *sl = collect(s, touched);
     if (st != ILF_OK) {
         free(sl);
         return st;

@@ -53,7 +53,7 @@
 #define  ILFCANDCV	20.		/* in proportion to their variation */
 #define  ILFMINCAND	64		/* but at least this many for what we see */
 #define  ILFLEASTCAND	8		/* and this many for any point */
-#define  ILFHIST		48		/* tests before we believe history */
+#define  ILFHIST		128		/* tests before we believe history */
 #define  ILFSURE		8		/* fewer rays where we do */
 #define  ILFDOUBT	.01		/* part of map's weight added to estimate */
 #define  ILFMAXPASS	64		/* objects to pass to our surface */
