@@ -268,6 +268,26 @@ def test_no_direction_with_excess_is_missed_by_far(files, name, aux, cube):
         assert not missed.any(), (low, high, missed.sum(), lit.sum(), x[lit][missed][:3], d[lit][missed][:3], e[lit][missed][:3])
 
 
+def test_light_shows_on_what_stands_behind_a_lamp(tmp_path):
+    """A lookup asks for the direction from the probe to where the ray ends: on the ceiling beyond a lamp that hangs free it finds the lamp."""
+    room, rng, n = small_room(), np.random.default_rng(24), 4000
+    f = room.light_field(1, 1, 192, 96)
+    lamp, height = room.lamps[0], 6.0
+    path = write_ilf(tmp_path / "one.ilf.exr", f)
+    options = ["--box", f"-4,-4,-.1,4,4,{height}", "--ball", ",".join(map(str, [*lamp.c, lamp.r]))]
+    q = f.node(np.zeros(n, int), np.zeros(n, int))
+    d = unit(lamp.c + rng.uniform(-0.5, 0.5, (n, 3)) * lamp.r - q)
+    h = q + d * (height / d[:, 2:])
+    x = rng.uniform((-2, -2, 0), (2, 2, 1), (n, 3))
+    d = unit(h - x)
+    w = lamp.c - x
+    clear = np.linalg.norm(w - (w * d).sum(1)[:, None] * d, axis=1) > 1.1 * lamp.r
+    e = np.maximum(f.eval(x, d, h, True) @ LUMINANCE - info(path, *options)[0], 0)
+    assert (clear & (e > 0)).sum() > 1000, "the rays miss what is tested"
+    p = density(path, x, d, *options)[clear & (e > 0)]
+    assert (p > UNIFORM * (1 + 1e-6)).all(), (p <= UNIFORM * (1 + 1e-6)).mean()
+
+
 def test_distance_is_about_right(files):
     """In the box, where a patch's light comes from is where the ray leaves the box."""
     f, options = FIELDS["lamps"], AUX["box"]
