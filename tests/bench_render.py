@@ -399,7 +399,7 @@ def single():
     direct = ["-ab", "1", "-lr", "1"]       # direct light only, as the peer's depth 2: no lamps by way of the mirror
     ref = rpict(folder, octree, (size, size), [*direct, *EXACT, "-di", "16", "-ad", "512"], "ref", PEER_VIEW)["image"]
     np.save(folder / "ours.npy", ref)
-    runs = [["-di", n, "-ad", a] for n, a in ((1, 2), (1, 4), (2, 8), (4, 16), (4, 32), (8, 32), (8, 64), (8, 128), (16, 256))]
+    runs = [["-di", n, "-ad", a] for n, a in ((1, 2), (1, 4), (2, 8), (4, 16), (8, 32), (16, 32), (32, 64), (64, 128))]
     runs += [["-di", n, "-aa", aa, "-ad", a, "-as", "0", "-ar", "128"] for n, aa, a in ((1, ".2", 256), (2, ".1", 512), (8, ".1", 1024))]
     for options in runs:
         cached = "-aa" in options
