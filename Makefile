@@ -133,10 +133,10 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
+TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
 -include report/report.mk tests/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
-TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
 $(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
