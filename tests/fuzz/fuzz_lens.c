@@ -21,7 +21,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         for (double r = 0; r <= 1; r += 1. / 16) {
             const double t = lens_angle(&l, r);
             HOLDS(t >= 0 && t <= l.half * (1 + 1e-12));
-            HOLDS(fabs(lens_radius(NULL, &l, t) - r) < 1e-6);
+            /* to rounding of the radius, or, where the curve is steep, of the angle */
+            HOLDS(fabs(lens_radius(NULL, &l, t) - r) < 1e-12
+                  || (lens_radius(NULL, &l, t - 1e-14 * l.half) <= r && lens_radius(NULL, &l, t + 1e-14 * l.half) >= r));
         }
     }
     close(file.fd);

@@ -3,6 +3,7 @@
  */
 #include "lens.h"
 
+#include <float.h>
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
@@ -212,17 +213,22 @@ double lens_angle(const lens *l, double r)
     case LENS_SPHERE: return fmin(sphere_angle(&d, l, r), l->half);
     default: break;
     }
-    double lo = 0, hi = l->half, t = r * l->half;
-    for (int k = 0; k < 100; k++) {
-        double f = lens_radius(&d, l, t) - r;
+    /* Newton, kept between bounds: where a step does not halve what is left of the radius (a curve that bends sharply can
+       send it to and fro for ever), the bounds are halved instead, so that one of the two shrinks each time */
+    double lo = 0, hi = l->half, t = r * l->half, best = t, least = INFINITY, last = INFINITY;
+    while (hi - lo > 1e-15 * l->half) {
+        const double f = lens_radius(&d, l, t) - r, next = t - f / d;
+        if (fabs(f) < least) {
+            best = t;
+            least = fabs(f);
+        }
+        if (least <= DBL_EPSILON / 4) break;
         if (f > 0) hi = t;
         else lo = t;
-        double next = t - f / d;
-        if (!(next > lo && next < hi)) next = (lo + hi) / 2;
-        if (fabs(next - t) <= 1e-15 * l->half) return next;
-        t = next;
+        t = next > lo && next < hi && fabs(f) <= last / 2 ? next : (lo + hi) / 2;
+        last = fabs(f);
     }
-    return t;
+    return best;
 }
 
 double lens_solid_angle(const lens *l, double r)

@@ -68,7 +68,8 @@ int lens_sphere(lens *l, double distance, errmsg *e);
  * clamped to [0, half].  drdt may be NULL. */
 double lens_radius(double *drdt, const lens *l, double theta);
 
-/* The inverse, r clamped to [0, 1]: Newton steps inside a bracket that always shrinks. */
+/* The inverse, r clamped to [0, 1], to rounding (of r, or of the angle where the curve is steep): Newton steps, and
+ * halved bounds wherever a step gains less than half. */
 double lens_angle(const lens *l, double r);
 
 /* Solid angle per area of picture (radius 1) at radius r: sin(theta) / (r dr/dtheta). */
