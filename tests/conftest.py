@@ -50,6 +50,7 @@ def environment(**more):
     lib = ":".join(dict.fromkeys([str(BUILD / "lib"), str(TOP / "build" / "lib")]))
     env["RAYPATH"] = f".:{lib}"
     env.setdefault("LC_ALL", "C")
+    env.setdefault("LSAN_OPTIONS", f"suppressions={TOP / 'tests' / 'lsan.supp'}:print_suppressions=0")
     env.update(more)
     return env
 

@@ -249,6 +249,17 @@ def test_circle_partly_outside_the_frame(tmp_path):
     assert (got[below] == 0).all()
 
 
+@pytest.mark.parametrize("tilt", [0, 3])
+def test_texels_that_are_wholly_seen_have_alpha_one(tmp_path, tilt):
+    """Half of a coarse picture, about the pole, in few wide columns: each texel is a speck of a pixel, and bent."""
+    got = remap(tmp_path, np.ones((12, 40, 3)), "--lens", "equidistant", "--fov", 90, "--centre", "0,6", "--radius", 32, "--tilt", tilt, "--tilt-to", 0,
+                "--polar-max", 5, "--size", "18x8")
+    theta = np.abs(np.arange(18) - 8.5) * 20
+    assert (got[:, theta > 100 if tilt == 0 else theta > 170, 3] == 1).all()
+    if tilt == 0:
+        assert (got[:, theta < 80] == 0).all() and np.abs(got[:, theta == 90, 3] - .5).max() < .002
+
+
 def test_bad_pixels_are_left_out(tmp_path):
     image = np.full((128, 128, 3), 2.)
     image[40:44, 40:44] = np.nan

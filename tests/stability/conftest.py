@@ -51,6 +51,24 @@ def row(request):
     return add
 
 
+@pytest.fixture
+def worst(row):
+    """worst(error, bound, condition): the example that came nearest to its bound is the row's."""
+    nearest = [-1.0]
+
+    def see(error, bound, condition=""):
+        if error / bound > nearest[0]:
+            nearest[0] = error / bound
+            row(error=f"{error:.2g} <= {bound:.2g}" + (f" at {condition}" if condition else ""))
+        assert error <= bound, condition
+    return see
+
+
+def examples(ci, long=600):
+    """How many a property takes whose examples are dear."""
+    return settings(max_examples=long if LONG else ci)
+
+
 def verdict(report):
     if report.outcome == "skipped":
         reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)

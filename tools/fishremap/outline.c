@@ -13,6 +13,7 @@
 
 #define FLATNESS 0.02 /* source pixels */
 #define MAX_DEPTH 10
+#define WIDEST (5 * M_PI / 180) /* of longitude that one chord spans, however small the texel: .13 % of the area about a pole */
 
 typedef struct line {
     double *xy;   /* points, corners and what refines the edges between them */
@@ -29,6 +30,7 @@ struct outliner {
     int concentric, fine; /* fine: pieces per edge in the table below */
     double *circle;      /* concentric: unit vectors, width*fine + 1 */
     line top, bottom, side;
+    double widest;       /* columns that one chord may span */
     int axis[2];         /* texel that holds the source's axis */
     int met;             /* a point that refine() tried lay within the field */
     int ready;           /* row, or -1 */
@@ -62,11 +64,11 @@ static int same_axis(const chart *a, const chart *b)
     return d < 1e-14;
 }
 
-/* Number of chords (a power of 2) that keep an arc of angle step at radius r flat. */
+/* Number of chords (a power of 2) that keep an arc of angle step at radius r flat, and its area. */
 static int chords(double r, double step)
 {
     int m = 1;
-    while (m < 1024 && r * (1 - cos(step / (2 * m))) > FLATNESS) m *= 2;
+    while (m < 1024 && (r * (1 - cos(step / (2 * m))) > FLATNESS || step / m > WIDEST)) m *= 2;
     return m;
 }
 
@@ -85,6 +87,7 @@ outliner *outliner_new(const chart *dst, const chart *src)
     o->dst = dst, o->src = src;
     o->ready = -1;
     o->sense = det3(dst->frame) * det3(src->frame) > 0 ? 1 : -1;
+    o->widest = dst->kind == CHART_GRID ? WIDEST * dst->width / dst->lon_span : INFINITY;
     if (src->kind == CHART_GRID) o->period = 2 * M_PI * src->width / src->lon_span;
     o->concentric = dst->kind == CHART_GRID && src->kind == CHART_DISC && same_axis(dst, src);
     if (line_init(&o->top, dst->width + 1) || line_init(&o->bottom, dst->width + 1) ||
@@ -147,11 +150,12 @@ static int refine(outliner *o, line *l, const double a[2], const double pa[2], c
                   const double pb[2], int depth)
 {
     double dx = near(o, pb[0] - pa[0]), dy = pb[1] - pa[1];
-    if (dx * dx + dy * dy < 1 || depth == 0) return 0;
+    int wide = fabs(b[0] - a[0]) > o->widest;
+    if ((dx * dx + dy * dy < 1 && !wide) || depth == 0) return 0;
     double m[2] = {0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])}, pm[2];
     o->met |= at(pm, o, m[0], m[1]);
     double ex = near(o, pm[0] - pa[0]) - 0.5 * dx, ey = pm[1] - pa[1] - 0.5 * dy;
-    if (ex * ex + ey * ey < FLATNESS * FLATNESS) return 0;
+    if (ex * ex + ey * ey < FLATNESS * FLATNESS && !wide) return 0;
     return refine(o, l, a, pa, m, pm, depth - 1) || push(l, pm) || refine(o, l, m, pm, b, pb, depth - 1);
 }
 
