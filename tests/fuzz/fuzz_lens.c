@@ -22,8 +22,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             const double t = lens_angle(&l, r);
             HOLDS(t >= 0 && t <= l.half * (1 + 1e-12));
             /* to rounding of the radius, or, where the curve is steep, of the angle */
-            HOLDS(fabs(lens_radius(NULL, &l, t) - r) < 1e-12
-                  || (lens_radius(NULL, &l, t - 1e-14 * l.half) <= r && lens_radius(NULL, &l, t + 1e-14 * l.half) >= r));
+            const double below = nextafter(nextafter(t, 0), 0), above = nextafter(nextafter(t, 4), 4);
+            HOLDS(fabs(lens_radius(NULL, &l, t) - r) < 1e-12 || (lens_radius(NULL, &l, below) <= r && lens_radius(NULL, &l, above) >= r));
         }
     }
     close(file.fd);

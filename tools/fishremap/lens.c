@@ -214,18 +214,21 @@ double lens_angle(const lens *l, double r)
     default: break;
     }
     /* Newton, kept between bounds: where a step does not halve what is left of the radius (a curve that bends sharply can
-       send it to and fro for ever), the bounds are halved instead, so that one of the two shrinks each time */
+       send it to and fro for ever), the bounds are halved instead, so that one of the two shrinks each time; at the latest
+       until no number is between them */
     double lo = 0, hi = l->half, t = r * l->half, best = t, least = INFINITY, last = INFINITY;
-    while (hi - lo > 1e-15 * l->half) {
+    for (;;) {
         const double f = lens_radius(&d, l, t) - r, next = t - f / d;
         if (fabs(f) < least) {
             best = t;
             least = fabs(f);
         }
-        if (least <= DBL_EPSILON / 4) break;
+        if (least <= 2 * DBL_EPSILON * r) break;
         if (f > 0) hi = t;
         else lo = t;
-        t = next > lo && next < hi && fabs(f) <= last / 2 ? next : (lo + hi) / 2;
+        const double middle = (lo + hi) / 2;
+        if (!(middle > lo && middle < hi)) break;
+        t = next > lo && next < hi && fabs(f) <= last / 2 ? next : middle;
         last = fabs(f);
     }
     return best;
