@@ -52,6 +52,7 @@ MUTATIONS = {
     "density-too-high": ("ilfmat/ilf_draw.c", "(1 - SLICE_UNIFORM) * map;", "(1 - SLICE_UNIFORM) * map * 1.05;", "build/test/ilfdraw", "tests/test_ilf_sampling.py::test_integrals_of_the_density"),
     "weights-in-radiance": ("ilfmat/ilf_patches.c", "(double)s->patches.p[k].excess / s->unit, 1e-30", "(double)s->patches.p[k].excess, 0", "build/test/ilfdraw", LOOKUP + "test_sampler_at_any_level"),
     "split-counts-twice": ("radiance_patch/m_ilf.c", "if (part == ILF_BASE)", "if (part == ILF_BASE && 0)", "build/bin/rtrace", "tests/test_radiance_di.py::test_irradiance_is_the_oracles_integral"),
+    "lamps-coefficients": ("radiance_patch/ilfsrc.c", "dirparts = n | DIRBLIND;", "dirparts = n;", "build/bin/rtrace", "tests/test_radiance_di.py::test_coefficients_are_those_of_scattered_rays[varnish-0]"),
     # ---- hdrgen
     "clipped-code-trusted": ("tools/hdrgen/mergetab.c", "v->valid = z < top;", "v->valid = 1;", "build/bin/hdrgen", "tests/stability/test_weights.py::test_clipped_against_expectation"),
     "weights-not-zero-at-the-ends": ("tools/hdrgen/mergetab.c", "else if (inside)\n            w = 2 * fmin(z, top - z) / top;", "else\n            w = 2 * fmin(z + 1, top + 1 - z) / top;", "build/bin/hdrgen", "tests/stability/test_weights.py::test_ends_of_the_range_weigh_nothing"),
@@ -61,6 +62,8 @@ MUTATIONS = {
     # ---- fishremap, falloffcal
     "jacobian-constant": ("tools/fishremap/weights.c", "(float)(per_area_at(&src->lens, (double)k / TABLE, 0.5 / src->radius)", "(float)(per_area_at(&src->lens, 0.0 * k / TABLE, 0.5 / src->radius)", "build/bin/fishremap", "tests/stability/test_remap.py::test_mean_of_a_hemisphere"),
     "table-off-the-axis": ("tools/fishremap/lens.c", "if (l->tab_t[0] != 0 || l->tab_r[0] != 0)", "if (0)", "build/test/fuzz_lens", CORPUS + "test_replay[lens]"),
+    "inverse-ends-early": ("tools/fishremap/lens.c", "if (least <= 2 * DBL_EPSILON * r) break;", "if (least <= 1e-9) break;", "build/test/fuzz_lens", CORPUS + "test_replay[lens]"),
+    "chords-too-long": ("tools/fishremap/outline.c", " || step / m > WIDEST", "", "build/bin/fishremap", "tests/test_fishremap.py::test_texels_that_are_wholly_seen_have_alpha_one[0]"),
     "falloff-may-rise": ("tools/fishremap/falloff_fit.c", "if (rises && solve_monotone", "if (rises && 0 && solve_monotone", "build/bin/falloffcal", "tests/stability/test_conditioning.py::test_flat_and_noisy"),
     "falloff-trusts-all": ("tools/fishremap/falloff_fit.c", "int in = fabs(d->y[i] - predict(g, d->t[i])) < limit;", "int in = limit > 0;", "build/bin/falloffcal", "tests/test_falloffcal.py::test_wild_outliers_survive"),
     # ---- stagectl
