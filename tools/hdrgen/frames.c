@@ -27,7 +27,7 @@ typedef struct frame {
 
 struct frames {
     frames_facts facts;
-    int half, strip_rows, y, have_all; /* have_all: every row is kept or spooled */
+    int bits, half, strip_rows, y, have_all; /* have_all: every row is kept or spooled */
     int keep, fill[3], has_fill;
     frame *f;
 };
@@ -75,9 +75,10 @@ static int colour_channels(const img_info *i)
     return i->channels >= 3 ? 3 : 1;
 }
 
-static int top_code(const img_info *i)
+static int top_code(const frames *f, const img_info *i)
 {
-    return i->coded ? (int)i->max_code : RAW_MAX;
+    int top = i->coded ? (int)i->max_code : RAW_MAX, asked = (1 << f->bits) - 1;
+    return f->bits && asked < top ? asked : top;
 }
 
 static int agree(const frames *f, int k, errmsg *e)
@@ -96,13 +97,13 @@ static int agree(const frames *f, int k, errmsg *e)
         return err_set(e, "%s: expected a %s image as %s is, found %s", path,
                        colour_channels(a) == 3 ? "colour" : "grey", first,
                        colour_channels(b) == 3 ? "colour" : "grey");
-    if (top_code(a) != top_code(b) || a->coded != b->coded)
-        return err_set(e, "%s: expected codes 0..%d as in %s, found 0..%d", path, top_code(a), first,
-                       top_code(b));
+    if (top_code(f, a) != top_code(f, b) || a->coded != b->coded)
+        return err_set(e, "%s: expected codes 0..%d as in %s, found 0..%d", path, top_code(f, a), first,
+                       top_code(f, b));
     return 0;
 }
 
-int frames_open(frames **out, char *const *paths, int n, int64_t memory, const int *fill, int half, errmsg *e)
+int frames_open(frames **out, char *const *paths, int n, int64_t memory, int bits, const int *fill, int half, errmsg *e)
 {
     frames *f = calloc(1, sizeof *f);
     if (f)
@@ -110,6 +111,7 @@ int frames_open(frames **out, char *const *paths, int n, int64_t memory, const i
     if (!f || !f->f)
         goto memory;
     f->facts.n = n;
+    f->bits = bits;
     f->half = half;
     for (int k = 0; k < n; k++) {
         f->f[k].path = paths[k];
@@ -135,7 +137,7 @@ int frames_open(frames **out, char *const *paths, int n, int64_t memory, const i
     f->facts.width = i->width;
     f->facts.height = i->height;
     f->facts.channels = colour_channels(i);
-    f->facts.max_code = top_code(i);
+    f->facts.max_code = top_code(f, i);
     f->facts.raw = !i->coded;
     if (fill && f->facts.channels == 3) {
         f->has_fill = 1;

@@ -23,9 +23,9 @@ typedef struct frames_facts {
 } frames_facts;
 
 /* Open n files; all must agree in size, channels and depth.  memory: bytes of codes that may
- * be kept.  fill: NULL, or the code triple that marks missing pixels (they become max_code).  half: camera
+ * be kept.  bits: how many of the files' bits the codes fill, from the lowest (0: all).  fill: NULL, or the code triple that marks missing pixels (they become max_code).  half: camera
  * raw at half size; other formats are refused then. */
-int frames_open(frames **f, char *const *paths, int n, int64_t memory, const int *fill, int half, errmsg *e);
+int frames_open(frames **f, char *const *paths, int n, int64_t memory, int bits, const int *fill, int half, errmsg *e);
 void frames_close(frames *f);
 const frames_facts *frames_get_facts(const frames *f);
 const img_info *frames_info(const frames *f, int k);

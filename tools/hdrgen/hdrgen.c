@@ -149,6 +149,7 @@ static const cli_opt options[] = {
     {"bayer", 0, CLI_CALL, &set.job, take_bayer, "ORDER",
      "grey images are a Bayer mosaic: RGGB, BGGR, GRBG or GBRG; merged, then interpolated"},
     {"half-size", 0, CLI_FLAG, &set.job.half_size, NULL, NULL, "camera raw: one pixel for each 2x2 of the sensor"},
+    {"bits", 0, CLI_INT, &set.job.bits, NULL, "B", "codes fill B bits of their files', from the lowest (default: all)"},
     {"fill", 0, CLI_CALL, &set.job, take_fill, "R,G,B", "pixels of exactly these codes are missing in that image"},
     {"type", 0, CLI_CALL, &set.out, take_type, "T", "OpenEXR values: float (default) or half"},
     {"compression", 0, CLI_STRING, &set.out.compression, NULL, "C", "OpenEXR: none, rle, zips, zip (default), piz or dwaa"},
@@ -210,6 +211,9 @@ static void summary(const job *j)
 {
     if (j->facts.assumed_time)
         cli_note("%s: no exposure time: 1 s assumed", j->shots[0].path);
+    if (j->facts.bits_used)
+        cli_warn("%s: the codes of this series end at %d, where files of this kind end at %d: if that is where the camera clips, give --bits %d",
+                 j->shots[0].path, (1 << j->facts.bits_used) - 1, frames_get_facts(j->frames)->max_code, j->facts.bits_used);
     if (j->facts.varies)
         cli_note("ISO or f-number vary: taken into account relative to %s", j->shots[0].path);
     note_pixels(j->facts.clipped, j, "clipped in every exposure: lower bound");
@@ -223,6 +227,8 @@ static void check_usage(int images)
     const job_opts *o = &set.job;
     if (!set.out.path)
         cli_fail(CLI_USAGE, "expected -o OUT, found none");
+    if (o->bits && (o->bits < 2 || o->bits > 16))
+        cli_fail(CLI_USAGE, "--bits: expected 2 to 16, found %d", o->bits);
     if (images < 1)
         cli_fail(CLI_USAGE, "expected one image or more, found none");
     if (!(o->lambda >= 1e-12 && o->lambda <= 1e12))

@@ -66,7 +66,7 @@ static int load_dark(job *j, errmsg *e)
     int ch = im.info.channels >= 3 ? 3 : 1, from = im.info.channels;
     int64_t n = (int64_t)im.info.width * im.info.height;
     if (im.info.width != f->width || im.info.height != f->height || ch != f->channels || !im.info.coded ||
-        (int)im.info.max_code != f->max_code) {
+        fmin(im.info.max_code, j->opts.bits ? (1 << j->opts.bits) - 1 : im.info.max_code) != f->max_code) {
         err_set(e, "%s: expected a dark frame of %dx%d pixels, %d channel(s), codes 0..%d, found %dx%d, %d, 0..%g",
                 j->opts.dark, f->width, f->height, f->channels, f->max_code, im.info.width, im.info.height,
                 ch, im.info.max_code);
@@ -76,7 +76,7 @@ static int load_dark(job *j, errmsg *e)
     j->dark = malloc((size_t)n * (size_t)ch * sizeof *j->dark);
     for (int64_t i = 0; j->dark && i < n; i++)
         for (int c = 0; c < ch; c++)
-            j->dark[i * ch + c] = (uint16_t)(im.pix[i * from + c] + 0.5f);
+            j->dark[i * ch + c] = (uint16_t)fminf(im.pix[i * from + c] + 0.5f, (float)f->max_code);
     img_free(&im);
     return j->dark ? 0 : err_set(e, "%s: out of memory", j->opts.dark);
 }
@@ -88,7 +88,7 @@ int job_open(job *j, const char *times_file, errmsg *e)
         return err_set(e, "out of memory");
     for (int k = 0; k < j->n; k++)
         paths[k] = (char *)(uintptr_t)j->shots[k].path;
-    int bad = frames_open(&j->frames, paths, j->n, j->opts.memory, j->opts.has_fill ? j->opts.fill : NULL,
+    int bad = frames_open(&j->frames, paths, j->n, j->opts.memory, j->opts.bits, j->opts.has_fill ? j->opts.fill : NULL,
                           j->opts.half_size, e);
     free(paths);
     if (bad)
@@ -117,6 +117,23 @@ int job_open(job *j, const char *times_file, errmsg *e)
         return err_set(e, "out of memory");
     for (int k = 0; k < j->n; k++)
         j->exposure[k] = j->shots[k].exposure;
+    return 0;
+}
+
+/* Codes of fewer bits than their file's, at the low end (12 bits of a camera in 16 of a PNG): none is above 2^b - 1, and
+ * what is clipped lies there.  b, or 0 where the codes don't look so. */
+static int bits_used(const samples *s)
+{
+    enum { ENOUGH = 8 };
+    int highest = 0, there = 0;
+    for (int c = 0; c < s->channels; c++)
+        for (size_t i = 0; i < (size_t)s->n[c] * (size_t)s->exposures; i++) {
+            int z = s->z[c][i];
+            there = z == highest ? there + 1 : z > highest ? 1 : there;
+            highest = z > highest ? z : highest;
+        }
+    for (int b = 9; b < 16; b++)
+        if (highest == (1 << b) - 1 && highest < s->max_code && there >= ENOUGH) return b;
     return 0;
 }
 
@@ -153,6 +170,7 @@ static int collect_samples(job *j, errmsg *e)
         return -1;
     }
     j->samples = p.s;
+    j->facts.bits_used = bits_used(&j->samples);
     return 0;
 }
 

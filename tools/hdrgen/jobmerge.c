@@ -222,7 +222,7 @@ static int flatten(job *j, errmsg *e)
             float v = flat.pix[i * from + c];
             if (flat.info.coded) { /* codes of the same camera */
                 const response *r = &j->response;
-                double z = (double)v * r->max_code / flat.info.max_code;
+                double z = j->opts.bits ? fmin((double)v, r->max_code) : (double)v * r->max_code / flat.info.max_code;
                 v = (float)r->finv[j->opts.has_bayer ? 1 : c][(int)(z + 0.5)];
             }
             flat.pix[i * ch + c] = v;
