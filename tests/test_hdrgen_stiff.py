@@ -1,6 +1,7 @@
 """Stiff and extreme series: a right answer, or a refusal that says why; never NaN or inf."""
 import numpy as np
 import pytest
+from PIL import Image
 
 from conftest import one_line_error
 from hdrgen_util import (expose, f_gamma, f_linear, f_srgb, hdrgen, log2_errors, make_series, radiance, read_exr, scene,
@@ -307,3 +308,31 @@ def test_twelve_bits_in_files_of_sixteen(tmp_path):
     # a series that clips nowhere ends where it ends
     assert "--bits" not in hdrgen(tmp_path, make_series(tmp_path, truth * .05, times[:4], f_gamma, max_code=65535)).err
     one_line_error(hdrgen(tmp_path, names, "--bits", 17, code=2), "hdrgen", "--bits")
+
+
+@pytest.mark.parametrize("level", [0, .2, 3])
+def test_noise_of_the_short_exposures_does_not_light_the_dark(tmp_path, level):
+    """In the shortest exposures noise makes a code of nothing here and there; the longest, black at `level` codes or not,
+    know better by their thousandfold time."""
+    times = 4.0 ** np.arange(-5, 1)
+    truth = np.full((200, 200, 3), level / 255)
+    names = make_series(tmp_path, truth, times, f_linear, read=24, seed=5)
+    lit = sum((np.asarray(Image.open(tmp_path / n)) > 0).mean() for n in names[:3])
+    assert lit > .03, "not much of a test"
+    hdrgen(tmp_path, names, "--response", "linear", "--flags")
+    got = sane(tmp_path) * 255
+    # a code and five deviations of the longest exposure (24 of 20000 electrons: .31 codes, and rounding)
+    assert got.max() < level + .5 + 5 * np.hypot(.31, .29)
+    if level == 3:
+        assert abs(got.mean() / level - 1) < .02
+
+
+def test_a_long_exposure_that_is_black_by_mistake_is_not_believed(tmp_path):
+    """The border of a registered image, say, where --fill was not given."""
+    times = 4.0 ** np.arange(-2, 1)
+    names = make_series(tmp_path, np.full((80, 80, 3), .2), times, f_linear)
+    codes = np.asarray(Image.open(tmp_path / names[-1])).copy()
+    codes[:6] = 0
+    write_png(tmp_path / names[-1], codes)
+    hdrgen(tmp_path, names, "--response", "linear")
+    assert np.abs(sane(tmp_path).mean((1, 2)) / .2 - 1).max() < .02

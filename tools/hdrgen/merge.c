@@ -64,6 +64,19 @@ static inline int first_inside(const merge *m, const uint16_t *const *codes, con
     return -1;
 }
 
+/* Where `first`, the longest exposure that is inside, is so dim that noise alone can have made it: the longest that is
+ * black before it, which says more.  Else `first`: a longer one that is black by mistake says nothing. */
+static inline int black_before(const merge *m, const merge_channel *ch, const uint16_t *const *codes, const merge_row *row, int i, size_t at,
+                               int with_reject, int first, float dark)
+{
+    if (first <= 0 || ch->code[codes[first][at]].y - dark > ch->dim)
+        return first;
+    for (int s = 0; s < first; s++)
+        if (codes[s][at] == 0 && (!with_reject || counts(row, i, m->order[s])))
+            return s;
+    return first;
+}
+
 static inline void noise_row(const merge *m, const merge_channel *ch, const merge_row *row,
                              int with_pedestal, int with_reject)
 {
@@ -82,7 +95,10 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
         if (first >= 0 && codes[first][at] > ch->safe)
             guess = first_inside(m, codes, row, i, at, with_reject, first + 1, ch->safe);
         guess = guess < 0 ? first : guess;
-        if (guess >= 0)
+        int from = black_before(m, ch, codes, row, i, at, with_reject, first, dark);
+        if (from < first)
+            x = ch->black * m->rt[from];
+        else if (guess >= 0)
             x = (code[codes[guess][at]].y - dark) * m->rt[guess];
         for (int k = 0; with_reject && k < n; k++)
             if (!counts(row, i, k))
@@ -96,7 +112,7 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
                 int cell = cell_of(x) + base;
                 info = 0;
                 used = 0;
-                for (int s = first; s < n; s++) {
+                for (int s = from; s < n; s++) {
                     const codeval *v = &code[codes[s][at]];
                     const expectation *e = &ch->expect[clamp_cell(cell + m->offset[s])];
                     float on = v->valid;
@@ -116,7 +132,7 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
                 if (fabsf(d) < 0.02f)
                     break;
             }
-            if (!(x > 0 && x < FLT_MAX))
+            if (!(x > 0 && x < FLT_MAX) || (from < first && x < ch->black * m->rt[from]))
                 bound(m, ch, row, i, &x, &sd, &flag);
             sd = info > 1 ? x / sqrtf(info) : x;
             used = used ? used : 1; /* all are weak, together they say something */

@@ -29,6 +29,7 @@ typedef struct merge_channel {
     expectation *expect; /* [CELLS] */
     int safe;           /* codes up to this are surely not clipped */
     float clip, black;  /* exposures at the edges of the highest code and of code 0 */
+    float dim;          /* no noise makes more than this of black */
 } merge_channel;
 
 struct merge {

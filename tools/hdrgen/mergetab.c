@@ -13,6 +13,7 @@
 
 static const double safe_share = 0.7;    /* of the exposure that clips */
 static const double most_clipped = 0.05; /* no say for samples more likely clipped than this */
+static const double surely_no_noise = 5; /* standard deviations */
 
 static double normal_cdf(double x)
 {
@@ -40,6 +41,7 @@ static void code_values(merge_channel *ch, const response *r, int c, const noise
     ch->clip = (float)response_edge(r, c, top);
     ch->safe = (int)response_forward(r, c, safe_share * ch->clip);
     ch->black = (float)response_edge(r, c, 1);
+    ch->dim = (float)(ch->black + surely_no_noise * sqrt(noise_variance(m, 0, response_slope(r, c, 1))));
 }
 
 /* Mean and variance of y given e and z < max; *clipped: the chance of z = max.  Codes are
