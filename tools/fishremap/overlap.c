@@ -21,10 +21,15 @@ typedef struct piece_sum {
     double cover, cover_y; /* to every pixel further right: area, moment */
 } piece_sum;
 
+typedef struct extent {
+    int first, last; /* pixels of a row that an edge touches; first > last: none */
+} extent;
+
 struct overlap {
     int x0, y0, x1, y1;
-    piece_sum *cell;
-    size_t room;
+    piece_sum *cell; /* all 0 between one polygon's rows read and the next one's edges */
+    extent *touched; /* by row */
+    size_t room, rows;
 };
 
 overlap *overlap_new(void)
@@ -36,6 +41,7 @@ void overlap_free(overlap *o)
 {
     if (!o) return;
     free(o->cell);
+    free(o->touched);
     free(o);
 }
 
@@ -45,14 +51,23 @@ int overlap_begin(overlap *o, int x0, int y0, int x1, int y1)
     if (n > o->room) {
         free(o->cell);
         o->room = n + n / 2;
-        o->cell = malloc(o->room * sizeof *o->cell);
+        o->cell = calloc(o->room, sizeof *o->cell);
         if (!o->cell) {
             o->room = 0;
             return -1;
         }
     }
+    if (h > o->rows) {
+        free(o->touched);
+        o->rows = h + h / 2;
+        o->touched = malloc(o->rows * sizeof *o->touched);
+        if (!o->touched) {
+            o->rows = 0;
+            return -1;
+        }
+    }
     o->x0 = x0, o->y0 = y0, o->x1 = x0 + (int)w, o->y1 = y0 + (int)h;
-    if (n) memset(o->cell, 0, n * sizeof *o->cell);
+    for (size_t y = 0; y < h; y++) o->touched[y] = (extent){(int)w, -1};
     return 0;
 }
 
@@ -66,6 +81,9 @@ static inline void add_piece(overlap *o, int ix, int iy, double u0, double v0, d
     c->my += dy * (v * (1 - u) + dy * (u1 - u0) * (1. / 12));
     c->cover += dy;
     c->cover_y += dy * v;
+    extent *t = o->touched + iy;
+    if (ix < t->first) t->first = ix;
+    if (ix > t->last) t->last = ix;
 }
 
 /* An edge part inside row iy, coordinates relative to the box, y relative to the row. */
@@ -152,16 +170,23 @@ void overlap_contour(overlap *o, const double *xy, int n)
     }
 }
 
-void overlap_row(overlap_cell *out, overlap *o, int y)
+int overlap_row(overlap_cell *out, int *from, overlap *o, int y)
 {
     int w = o->x1 - o->x0;
-    const piece_sum *c = o->cell + (size_t)(y - o->y0) * (size_t)w;
+    const extent *t = o->touched + (y - o->y0);
+    piece_sum *c = o->cell + (size_t)(y - o->y0) * (size_t)w + t->first;
     double cover = 0, cover_y = 0;
-    for (int i = 0; i < w; i++, c++) {
-        out[i].area = c->area + cover;
-        out[i].mx = c->mx;
-        out[i].my = c->my + cover_y;
+    *from = o->x0 + t->first;
+    for (int i = t->first; i <= t->last; i++, c++, out++) {
+        out->area = c->area + cover;
+        out->mx = c->mx;
+        out->my = c->my + cover_y;
         cover += c->cover;
         cover_y += c->cover_y;
+        *c = (piece_sum){0};
     }
+    if (t->first > t->last || fabs(cover) < 1e-12) return o->x0 + t->last + 1;
+    /* the polygon goes on beyond the box */
+    for (int i = t->last + 1; i < w; i++) *out++ = (overlap_cell){cover, 0, cover_y};
+    return o->x1;
 }

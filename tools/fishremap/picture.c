@@ -198,10 +198,9 @@ static int remap_picture(float *rgb, float *alpha, outcome *o, session *w, img *
     remap_source ready;
     double t0 = cpu_seconds();
     if (source_clean(&ready, im->pix, im->info.width, im->info.height, all_good, src, e)) return -1;
-    int shared = w && w->several && !ready.bad && src->width < 65536 && src->height < 65536;
-    int rc = shared ? 0 : source_slopes(&ready, src, e);
+    int rc = 0, shared = w && w->several && !ready.bad && src->width < 65536 && src->height < 65536;
     double t1 = cpu_seconds();
-    if (!rc && shared && !(w->plan && memcmp(&w->src, src, sizeof *src) == 0 && memcmp(&w->dst, dst, sizeof *dst) == 0)) {
+    if (shared && !(w->plan && memcmp(&w->src, src, sizeof *src) == 0 && memcmp(&w->dst, dst, sizeof *dst) == 0)) {
         session_free(w);
         rc = remap_plan_new(&w->plan, dst, src, e);
         w->src = *src, w->dst = *dst;

@@ -259,7 +259,7 @@ static void give_runs(slope_v4 *sum, size_t *k, const float **w, const band *b, 
 static void give(slope_v4 *sum, const band *b, const remap_source *s, int wrap)
 {
     enum { AHEAD = 64 }; /* pieces; they are read once, and there are more of them than pixels */
-    int w = s->width, h = s->height, last = -1;
+    int w = s->width, last = -1;
     const slope_v4 *pix = (const slope_v4 *)s->pix;
     const piece *p = b->p;
     const float *weight = b->w;
@@ -268,11 +268,8 @@ static void give(slope_v4 *sum, const band *b, const remap_source *s, int wrap)
         int x = b->g[k].x, y = b->g[k].y;
         if (y != last) give_runs(sum, &done, &weight, b, pix, (size_t)(y + 2) * (size_t)w);
         last = y;
-        const slope_v4 *c = pix + (size_t)y * (size_t)w + (size_t)x;
-        const slope_v4 *left = x > 0 ? c - 1 : wrap ? c + (w - 1) : c, *right = x + 1 < w ? c + 1 : wrap ? c - (w - 1) : c;
-        const slope_v4 *up = y > 0 ? c - w : c, *down = y + 1 < h ? c + w : c;
-        slope_v4 v = *c, gx, gy;
-        slope_pixel(&gx, &gy, v, *left, *right, *up, *down);
+        slope_v4 v = pix[(size_t)y * (size_t)w + (size_t)x], gx, gy;
+        slope_at(&gx, &gy, s, x, y, wrap);
         __builtin_prefetch(p + AHEAD);
         __builtin_prefetch(p + AHEAD + 4); /* the next cache line */
         for (const piece *end = b->p + b->g[k].end; p < end; p++) sum[p->texel] += p->w * v + p->wx * gx + p->wy * gy;

@@ -27,10 +27,10 @@ int remap_plan_new(remap_plan **plan, const chart *dst, const chart *src, errmsg
 void remap_plan_free(remap_plan *p);
 
 /* rgb: dst width*height*3; alpha (may be NULL): share of the texel's solid angle that the source
- * covers, 0..1.  Texels that nothing covers are 0.  s needs no slopes, and no bad pixels. */
+ * covers, 0..1.  Texels that nothing covers are 0.  s may have no bad pixels. */
 int remap_apply(float *rgb, float *alpha, const remap_plan *p, const remap_source *s, errmsg *e);
 
-/* Both at once, row by row, without holding the plan; s needs slopes, and may have bad pixels. */
+/* Both at once, row by row, without holding the plan; s may have bad pixels. */
 int remap_run(float *rgb, float *alpha, const chart *dst, const chart *src, const remap_source *s, errmsg *e);
 
 /* Number of overlaps (pixel pieces) in the plan. */

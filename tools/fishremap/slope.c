@@ -1,5 +1,5 @@
 /*
- * slope.c - limited slopes, bad pixels and the rim (slope.h).
+ * slope.c - bad pixels and the rim (slope.h).
  */
 #include "slope.h"
 
@@ -82,30 +82,10 @@ static void hold_rim(float *pix, unsigned char *bad, const chart *c)
     }
 }
 
-/* Slopes of the pixels [x0, x1) of one row. */
-static void slope_row(remap_source *s, int y, int x0, int x1, int wrap)
-{
-    int w = s->width, h = s->height;
-    size_t row = (size_t)y * (size_t)w;
-    const v4 *up = (const v4 *)s->pix + (y > 0 ? row - (size_t)w : row), *down = (const v4 *)s->pix + (y + 1 < h ? row + (size_t)w : row);
-    const v4 *here = (const v4 *)s->pix + row;
-    for (int x = x0; x < x1; x++) {
-        int xl = x > 0 ? x - 1 : wrap ? w - 1 : x, xr = x + 1 < w ? x + 1 : wrap ? 0 : x;
-        v4 p = here[x], gx, gy, left = here[xl], right = here[xr], above = up[x], below = down[x];
-        if (left[3] == 0 || right[3] == 0) left = right = p;
-        if (above[3] == 0 || below[3] == 0) above = below = p;
-        slope_pixel(&gx, &gy, p, left, right, above, below);
-        float *q = s->slopes + (row + (size_t)x) * SRC_FLOATS;
-        q[0] = p[0], q[1] = p[1], q[2] = p[2];
-        q[3] = gx[0], q[4] = gx[1], q[5] = gx[2];
-        q[6] = gy[0], q[7] = gy[1], q[8] = gy[2];
-    }
-}
-
 int source_clean(remap_source *s, float *pix, int width, int height, int all_good, const chart *src, errmsg *e)
 {
     size_t n = (size_t)width * (size_t)height;
-    remap_source t = {width, height, pix, NULL, all_good ? NULL : malloc(n), 0};
+    remap_source t = {width, height, pix, all_good ? NULL : malloc(n), 0};
     if (!all_good && !t.bad) return err_set(e, "out of memory");
     if (!all_good) t.nbad = mark_bad(pix, t.bad, n);
     if (src->kind == CHART_DISC) hold_rim(pix, t.bad, src);
@@ -117,25 +97,8 @@ int source_clean(remap_source *s, float *pix, int width, int height, int all_goo
     return 0;
 }
 
-int source_slopes(remap_source *s, const chart *src, errmsg *e)
-{
-    size_t n = (size_t)s->width * (size_t)s->height;
-    int is_disc = src->kind == CHART_DISC, wrap = !is_disc && src->lon_span > 2 * M_PI * (1 - 1e-12);
-    s->slopes = malloc((n * SRC_FLOATS + 4) * sizeof(float));
-    if (!s->slopes) return err_set(e, "out of memory");
-    memset(s->slopes + n * SRC_FLOATS, 0, 4 * sizeof(float));
-#pragma omp parallel for schedule(static) if (n > 65536)
-    for (int y = 0; y < s->height; y++) {
-        int x[2] = {0, s->width};
-        if (is_disc) row_extent(x, src, y, src->radius + 2);
-        slope_row(s, y, x[0], x[1], wrap);
-    }
-    return 0;
-}
-
 void source_free(remap_source *s)
 {
-    free(s->slopes);
     free(s->bad);
     memset(s, 0, sizeof *s);
 }

@@ -1,5 +1,5 @@
 /*
- * slope.h - a picture made ready for the conservative remap: the plane inside each pixel.
+ * slope.h - a picture made ready for the conservative remap, and the plane inside each pixel, made as it is met.
  *
  * The slope along x is the central difference where the picture is smooth, limited so that the plane
  * stays between the neighbours' values (monotonised central limiter, van Leer 1977); likewise y.  The
@@ -13,13 +13,10 @@
 #include "chart.h"
 #include "errmsg.h"
 
-/* A picture made ready.  pix: R G B and 1, or 0 for a bad pixel; slopes: SRC_FLOATS a pixel (L, gx, gy for R, G, B),
- * or NULL where remap_apply shall make them as it goes. */
-#define SRC_FLOATS 9
+/* A picture made ready.  pix: R G B and 1, or 0 for a bad pixel. */
 typedef struct remap_source {
     int width, height;
     const float *pix;   /* width*height*4, the caller's */
-    float *slopes;      /* owned */
     unsigned char *bad; /* 1: pixel can't be used (NaN, infinite, masked); NULL if there is none; owned */
     int64_t nbad;
 } remap_source;
@@ -29,7 +26,6 @@ typedef struct remap_source {
  * a disc cuts mix with what lies outside and take the value of the next pixel inwards.  all_good: the
  * caller knows that every pixel is finite and has alpha 1.  -1: no memory. */
 int source_clean(remap_source *s, float *pix, int width, int height, int all_good, const chart *src, errmsg *e);
-int source_slopes(remap_source *s, const chart *src, errmsg *e);
 void source_free(remap_source *s);
 
 typedef float slope_v4 __attribute__((vector_size(16)));
@@ -86,6 +82,18 @@ static inline void slope_pixel(slope_v4 *gx, slope_v4 *gy, slope_v4 p, slope_v4 
             x[c] *= k, y[c] *= k;
         }
     *gx = x, *gy = y;
+}
+
+/* The same of pixel (x, y) of a picture; wrap: its first and last column are neighbours.  Beside a bad pixel it is level. */
+static inline void slope_at(slope_v4 *gx, slope_v4 *gy, const remap_source *s, int x, int y, int wrap)
+{
+    const size_t w = (size_t)s->width;
+    const slope_v4 *c = (const slope_v4 *)s->pix + (size_t)y * w + (size_t)x;
+    slope_v4 p = *c, left = x > 0 ? c[-1] : wrap ? c[w - 1] : p, right = x + 1 < s->width ? c[1] : wrap ? *(c - (w - 1)) : p;
+    slope_v4 up = y > 0 ? *(c - w) : p, down = y + 1 < s->height ? c[w] : p;
+    if (left[3] == 0 || right[3] == 0) left = right = p;
+    if (up[3] == 0 || down[3] == 0) up = down = p;
+    slope_pixel(gx, gy, p, left, right, up, down);
 }
 
 #endif

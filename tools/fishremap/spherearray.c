@@ -68,13 +68,15 @@ static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, con
     chart_probe(&dst, s->out_w, s->out_h, polar_max);
     double t0 = cpu_seconds();
     int rc = source_clean(&ready, pix, src.width, src.height, all_good, &src, e);
-    if (!rc) rc = source_slopes(&ready, &src, e);
-    free(pix);
-    if (rc) return -1;
     double t1 = cpu_seconds();
+    if (rc) {
+        free(pix);
+        return -1;
+    }
     rc = remap_run(rgb, alpha, &dst, &src, &ready, e);
     *o = (tally){ready.nbad, 0, t1 - t0, cpu_seconds() - t1};
     source_free(&ready);
+    free(pix);
     size_t n = (size_t)s->out_w * (size_t)s->out_h;
     for (size_t i = 0; i < 3 * n; i++) rgb[i] = (float)(rgb[i] / s->reflectance[i % 3]);
     for (size_t i = 0; i < n; i++) o->covered += (double)alpha[i] / (double)n;

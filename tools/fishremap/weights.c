@@ -131,9 +131,9 @@ static int collect(double *total, row *r, bench *b, const geometry *g, int x0, i
         if (!b->span) return -1;
     }
     for (int y = y0; y < y1; y++) {
-        overlap_row(b->span, b->cells, y);
-        for (int x = x0; x < x1; x++) {
-            const overlap_cell *c = b->span + (x - x0);
+        int from, to = overlap_row(b->span, &from, b->cells, y);
+        for (int x = from; x < to; x++) {
+            const overlap_cell *c = b->span + (x - from);
             double area = sense * c->area;
             if (area < least) continue;
             int px = x;
@@ -199,9 +199,10 @@ static int texel(row *r, bench *b, const geometry *g, int x, int y)
     }
     double full = chart_pixel_solid_angle(g->dst, x, y), share = full > 0 ? total / full : 0;
     if (!(total > 0)) return 0;
+    const double per = 1 / total;
     for (size_t i = first; i < r->n; i++) {
         entry *e = r->e + i;
-        e->w = (float)(e->w / total), e->wx = (float)(e->wx / total), e->wy = (float)(e->wy / total);
+        e->w = (float)(e->w * per), e->wx = (float)(e->wx * per), e->wy = (float)(e->wy * per);
     }
     r->alpha[x] = (float)(share > 0.998 ? 1 : share);
     return 0;
