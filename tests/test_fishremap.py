@@ -249,6 +249,78 @@ def test_circle_partly_outside_the_frame(tmp_path):
     assert (got[below] == 0).all()
 
 
+# ---- --filter --------------------------------------------------------------------------------------------
+
+def gaussian_probe(scene, w, h, polar_max, sd, rows, samples=10, reach=4):
+    """Gaussian means by solid angle at all texels of some rows, summed over points; beyond the pole half a turn on."""
+    out = np.zeros((len(rows), w, 3))
+    offset = (np.arange(-reach * samples, reach * samples) + .5) / samples * sd * 1.25
+    g = np.exp(-offset ** 2 / 2 / sd ** 2)
+    theta = -np.pi + (np.arange(w)[:, None] + .5 + offset) * 2 * np.pi / w
+    for k, y in enumerate(rows):
+        phi = (y + .5 + offset) * np.radians(polar_max) / h
+        inside = phi <= np.radians(polar_max)
+        for p, gp in zip(phi[inside], g[inside]):
+            d = np.stack([np.sin(p) * np.cos(theta), np.sin(p) * np.sin(theta), np.full_like(theta, np.cos(p))], -1)
+            out[k] += gp * abs(np.sin(p)) * (scene(d) * g[:, None]).sum(1)
+        out[k] /= (g[inside] * np.abs(np.sin(phi[inside]))).sum() * g.sum()
+    return out
+
+
+@pytest.mark.parametrize("sd", [.25, .5, 2])
+def test_gaussian_filter(pictures, tmp_path, sd):
+    """The program's sums over finer texels against sums over points of the scene itself."""
+    folder, scenes = pictures
+    w, h = 48, 32
+    name = "gaussian" if sd == .5 else f"gaussian:{sd}"
+    run("fishremap", "--lens", "equidistant", "--fov", 185, "--size", f"{w}x{h}", "--filter", name, "-o", tmp_path / "o.exr", folder / "lobes.exr")
+    got = U.read_exr(tmp_path / "o.exr")[0]
+    assert got.shape == (h, w, 3)
+    rows = [0, 1, 2, 9, 21, 30, 31]
+    exact = gaussian_probe(scenes["lobes"], w, h, 90, sd, rows)
+    assert np.sqrt(((got[rows] - exact) ** 2).mean()) < 2e-3 * exact.mean()
+    # and it is not the mean over the area, which is about as wide as a Gaussian of .29
+    run("fishremap", "--lens", "equidistant", "--fov", 185, "--size", f"{w}x{h}", "--filter", "area", "-o", tmp_path / "a.exr", folder / "lobes.exr")
+    area = U.read_exr(tmp_path / "a.exr")[0]
+    assert np.sqrt(((area[rows] - exact) ** 2).mean()) > (2e-3 if sd == .25 else 5e-3) * exact.mean()
+
+
+@pytest.mark.parametrize("to, size", [("probe", "40x21"), ("probe", "7x9"), ("latlong", "64x32"), ("fisheye", "50x50")])
+def test_gaussian_filter_keeps_constants_and_energy(tmp_path, to, size):
+    lens = ("--lens", "equidistant", "--fov", 360)
+    got = remap(tmp_path, np.full((300, 300, 3), .25), *lens, "--to", to, "--polar-max", 180, "--size", size, "--filter", "gaussian:0.8")
+    seen = got[got[..., 3] > 0] if got.shape[2] == 4 else got
+    assert np.abs(seen[..., :3] / .25 - 1).max() < 1e-6
+    if size != "40x21":
+        return
+    # away from the poles a row's weights are sin(phi) times the Gaussian, whose sum is exp(-sd^2/2) sin(phi): a mean that keeps
+    # constants gives a lamp exp(sd^2/2) of its energy, sd without the finer texels' own width, whose solid angles are sines, too
+    U.write_exr(tmp_path / "lamp.exr", U.fisheye(U.lamp(40, 70, 30), 1200, 360))
+    row = np.pi / 21
+    expected = np.exp((.8 ** 2 - 1 / 12 / 9) * row ** 2 / 2) * np.sin(row / 2) / (3 * np.sin(row / 6))
+    sums = []
+    for name in ("area", "gaussian:0.8"):
+        run("fishremap", *lens, "--polar-max", 180, "--size", size, "--filter", name, "-o", tmp_path / "o.exr", tmp_path / "lamp.exr")
+        sums.append((U.read_exr(tmp_path / "o.exr")[0][..., 1] * U.probe_solid_angle(40, 21, 180)[:, None]).sum())
+    assert abs(sums[1] / sums[0] / expected - 1) < 3e-4
+
+
+def test_gaussian_filter_goes_over_the_pole(tmp_path):
+    """A lamp just beside it: its Gaussian reaches as far on the other side, in an even and in an odd number of columns."""
+    image = U.fisheye(U.lamp(90, 3, 5), 400, 185, samples=3)
+    for w in (24, 25):
+        got = remap(tmp_path, image, "--lens", "equidistant", "--fov", 185, "--size", f"{w}x30", "--filter", "gaussian:2")[0, :, 1]
+        exact = gaussian_probe(U.lamp(90, 3, 5), w, 30, 90, 2, [0], samples=40)[0, :, 1]
+        assert np.abs(got - exact).max() < .02 * exact.max()
+
+
+@pytest.mark.parametrize("bad", ["lanczos", "gaussian:", "gaussian:0", "gaussian:99", "gaussian:nan", "gaussians"])
+def test_filters_that_are_none(tmp_path, bad):
+    U.write_exr(tmp_path / "in.exr", np.ones((8, 8, 3)))
+    r = run("fishremap", "--lens", "equidistant", "--fov", 185, "--size", "8x8", "--filter", bad, "-o", tmp_path / "o.exr", tmp_path / "in.exr", code=2)
+    one_line_error(r, "fishremap", "--filter", "expected")
+
+
 @pytest.mark.parametrize("tilt", [0, 3])
 def test_texels_that_are_wholly_seen_have_alpha_one(tmp_path, tilt):
     """Half of a coarse picture, about the pole, in few wide columns: each texel is a speck of a pixel, and bent."""

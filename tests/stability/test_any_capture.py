@@ -40,15 +40,16 @@ LENSES = {"equidistant": 360, "equisolid": 360, "stereographic": 350, "orthograp
 
 
 @given(seeds, st.sampled_from(sorted(LENSES)), st.floats(.05, 1), st.tuples(st.integers(1, 40), st.integers(1, 40)), st.tuples(st.integers(1, 48), st.integers(1, 24)),
-       st.tuples(st.floats(-.5, 1.5), st.floats(-.5, 1.5)), log_uniform(.3, 60), st.tuples(st.floats(0, 180), st.floats(-360, 360)), st.floats(5, 180), st.floats(0, 12))
+       st.tuples(st.floats(-.5, 1.5), st.floats(-.5, 1.5)), log_uniform(.3, 60), st.tuples(st.floats(0, 180), st.floats(-360, 360)), st.floats(5, 180), st.floats(0, 12),
+       st.one_of(st.just("area"), st.floats(.25, 3).map(lambda sd: f"gaussian:{sd!r}")))
 @pytest.mark.case("any remap", FISH + "plan.c", "field 18 .. 360 degrees, circle anywhere, pictures 1 .. 40, tilted, to 12 decades", "constant stays constant, 0 <= rest <= twice the largest, or refused")
-def test_any_remap(tmp_path, worst, seed, lens, share, size, out, centre, radius, lean, polar_max, decades):
+def test_any_remap(tmp_path, worst, seed, lens, share, size, out, centre, radius, lean, polar_max, decades, filter_):
     """A mean of planes in pixels that are nowhere below 0, and so nowhere above twice the pixel; what is not seen is black."""
     picture = 10 ** np.random.default_rng(seed).uniform(-decades / 2, decades / 2, (size[1], size[0], 3))
     picture[..., 2] = .25
     U.write_exr(tmp_path / "in.exr", picture)
     r = run("fishremap", "--lens", lens, "--fov", LENSES[lens] * share, "--centre", f"{centre[0] * size[0]!r},{centre[1] * size[1]!r}", "--radius", radius, "--tilt", lean[0],
-            "--tilt-to", lean[1], "--polar-max", polar_max, "--size", f"{out[0]}x{out[1]}", "-o", tmp_path / "out.exr", tmp_path / "in.exr", code=None)
+            "--tilt-to", lean[1], "--polar-max", polar_max, "--filter", filter_, "--size", f"{out[0]}x{out[1]}", "-o", tmp_path / "out.exr", tmp_path / "in.exr", code=None)
     if r.code:
         one_line_error(r, "fishremap")
         assert not (tmp_path / "out.exr").exists()

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "cli.h"
+#include "filter.h"
 #include "outfile.h"
 #include "settings.h"
 
@@ -122,6 +123,21 @@ static int opt_outside(const char *v, void *arg, errmsg *e)
     return rc;
 }
 
+static int opt_filter(const char *v, void *arg, errmsg *e)
+{
+    static const char gaussian[] = "gaussian";
+    settings *s = arg;
+    const size_t n = sizeof gaussian - 1;
+    s->filter_sd = 0;
+    if (strcmp(v, "area") == 0) return 0;
+    if (strncmp(v, gaussian, n) != 0 || (v[n] && v[n] != ':')) return err_set(e, "expected area, gaussian or gaussian:SD, found '%s'", v);
+    s->filter_sd = 0.5;
+    if (v[n] && cli_parse_doubles(&s->filter_sd, 1, v + n + 1, ",", e)) return -1;
+    if (!(s->filter_sd >= FILTER_LEAST && s->filter_sd <= FILTER_MOST))
+        return err_set(e, "expected a standard deviation of %g to %g texels, found %g", FILTER_LEAST, FILTER_MOST, s->filter_sd);
+    return 0;
+}
+
 static int opt_type(const char *v, void *arg, errmsg *e)
 {
     static const char *const names[] = {"float", "half", NULL};
@@ -148,6 +164,7 @@ static const cli_opt options[] = {
     {"to", 0, CLI_CALL, &cfg, opt_to, "VIEW", "what OUT shall be: probe (default), fisheye, ball, latlong or angular"},
     {"span", 0, CLI_DOUBLE, &cfg.span_deg, NULL, "DEG", "longitudes across a latlong picture (default 360)"},
     {"outside", 0, CLI_CALL, &cfg, opt_outside, "MODE", "directions that IN does not show: alpha (default; black, with an\nalpha channel), black, or hold (nearest in the column)"},
+    {"filter", 0, CLI_CALL, &cfg, opt_filter, "NAME", "a texel's mean: area (default; its own), gaussian (0.5) or gaussian:SD (texels)"},
     {"overlay", 0, CLI_STRING, &cfg.overlay, NULL, "FILE.png", "write IN with the circles found, or given, drawn on it"},
     {"report", 0, CLI_STRING, &cfg.report, NULL, "FILE", "write what was found, and CPU times, as JSON"},
     {"mask", 'm', CLI_STRING, &cfg.mask, NULL, "FILE", "picture of IN's size; where it is black, IN is not used"},
@@ -169,7 +186,7 @@ static const cli_opt options[] = {
 static const cli_prog prog = {
     "fishremap", "-o OUT IN...",
     "Remap a fisheye picture, a mirror ball or a mirror-sphere array to latitude/longitude light probes.", options,
-    "Every output texel is the mean over its footprint in the picture, so that a lamp keeps its energy."};
+    "Every output texel is a mean over its footprint in the picture, so that a lamp keeps its energy."};
 
 static void check_usage(int operands)
 {

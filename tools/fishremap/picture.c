@@ -9,6 +9,7 @@
 
 #include "circle.h"
 #include "falloff.h"
+#include "filter.h"
 #include "lensfile.h"
 #include "overlay.h"
 #include "remap.h"
@@ -191,26 +192,45 @@ void session_free(session *w)
     w->plan = NULL;
 }
 
-/* Remap a loaded picture, by the session's weights where it fits them. */
-static int remap_picture(float *rgb, float *alpha, outcome *o, session *w, img *im, int all_good, const chart *src, const chart *dst,
-                         errmsg *e)
+/* What remap_areas needs to know. */
+typedef struct remap_job {
+    outcome *o;
+    session *w;
+    const chart *src;
+    const remap_source *ready;
+} remap_job;
+
+/* By the session's weights where they fit. */
+static int remap_areas(float *rgb, float *alpha, const chart *dst, void *arg, errmsg *e)
+{
+    const remap_job *j = arg;
+    session *w = j->w;
+    int rc = 0, shared = w && w->several && !j->ready->bad && j->src->width < 65536 && j->src->height < 65536;
+    double t0 = cpu_seconds();
+    if (shared && !(w->plan && memcmp(&w->src, j->src, sizeof *j->src) == 0 && memcmp(&w->dst, dst, sizeof *dst) == 0)) {
+        session_free(w);
+        rc = remap_plan_new(&w->plan, dst, j->src, e);
+        w->src = *j->src, w->dst = *dst;
+        j->o->cpu_plan_s += cpu_seconds() - t0;
+    }
+    if (!rc && shared) rc = remap_apply(rgb, alpha, w->plan, j->ready, e);
+    else if (!rc) rc = remap_run(rgb, alpha, dst, j->src, j->ready, e);
+    return rc;
+}
+
+/* Remap a loaded picture. */
+static int remap_picture(float *rgb, float *alpha, outcome *o, session *w, const settings *s, img *im, int all_good, const chart *src,
+                         const chart *dst, errmsg *e)
 {
     remap_source ready;
-    double t0 = cpu_seconds();
+    double t0 = cpu_seconds(), plan = o->cpu_plan_s;
     if (source_clean(&ready, im->pix, im->info.width, im->info.height, all_good, src, e)) return -1;
-    int rc = 0, shared = w && w->several && !ready.bad && src->width < 65536 && src->height < 65536;
     double t1 = cpu_seconds();
-    if (shared && !(w->plan && memcmp(&w->src, src, sizeof *src) == 0 && memcmp(&w->dst, dst, sizeof *dst) == 0)) {
-        session_free(w);
-        rc = remap_plan_new(&w->plan, dst, src, e);
-        w->src = *src, w->dst = *dst;
-        o->cpu_plan_s += cpu_seconds() - t1;
-    }
-    double t2 = cpu_seconds();
-    if (!rc && shared) rc = remap_apply(rgb, alpha, w->plan, &ready, e);
-    else if (!rc) rc = remap_run(rgb, alpha, dst, src, &ready, e);
-    o->cpu_prepare_s += t1 - t0, o->cpu_remap_s += cpu_seconds() - t2;
+    o->cpu_prepare_s += t1 - t0;
     o->bad_pixels += ready.nbad;
+    remap_job j = {o, w, src, &ready};
+    int rc = filter_texels(rgb, alpha, dst, s->filter_sd, remap_areas, &j, e);
+    o->cpu_remap_s += cpu_seconds() - t1 - (o->cpu_plan_s - plan);
     source_free(&ready);
     return rc;
 }
@@ -235,7 +255,7 @@ static int add_second(float *rgb, float *alpha, outcome *o, const settings *s, c
     if (input_load(&im, &all_good, &t, e)) goto done;
     chart_disc(&src, im.info.width, im.info.height, &first->lens, view[0], view[1], view[2], 1, s->rotate_deg * DEG, view[3] * DEG, view[4] * DEG);
     hide_camera(im.pix, &all_good, &src, s->hide_camera_deg * DEG);
-    rc = remap_picture(rgb2, alpha2, o, NULL, &im, all_good, &src, dst, e);
+    rc = remap_picture(rgb2, alpha2, o, NULL, s, &im, all_good, &src, dst, e);
     img_free(&im);
     for (size_t i = 0; !rc && i < n; i++) {
         double d[3], weight[2];
@@ -303,7 +323,7 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
         goto done;
     }
     o->cx = src.cx, o->cy = src.cy, o->radius = src.radius;
-    if (remap_picture(rgb, alpha, o, w, &im, all_good, &src, &dst, e)) goto done;
+    if (remap_picture(rgb, alpha, o, w, s, &im, all_good, &src, &dst, e)) goto done;
     if (s->second && add_second(rgb, alpha, o, s, &src, &dst, e)) goto done;
     for (size_t i = 0; s->from == VIEW_BALL && i < 3 * n; i++) rgb[i] = (float)(rgb[i] / s->reflectance[i % 3]);
     o->covered = coverage(&partial, alpha, &dst);

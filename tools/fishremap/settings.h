@@ -27,6 +27,7 @@ typedef struct settings {
     double span_deg;     /* latlong's width */
     double rotate_deg, tilt_deg, tilt_to_deg;
     outside_mode outside;
+    double filter_sd;    /* of the texels' Gaussian, in texels; 0: means over their area */
     int half_float;      /* 1 half, 0 float, -1 as it fits */
     /* mirror spheres */
     int nu, nv;          /* 0: no array */

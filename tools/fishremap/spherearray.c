@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "filter.h"
 #include "outfile.h"
 #include "overlay.h"
 #include "remap.h"
@@ -50,6 +51,17 @@ typedef struct tally {
     double covered, prepare_s, remap_s;
 } tally;
 
+typedef struct sphere_source {
+    const chart *src;
+    const remap_source *ready;
+} sphere_source;
+
+static int sphere_areas(float *rgb, float *alpha, const chart *dst, void *arg, errmsg *e)
+{
+    const sphere_source *q = arg;
+    return remap_run(rgb, alpha, dst, q->src, q->ready, e);
+}
+
 static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, const img *im, const sphere_seen *q,
                       double (*frame)[3], double turn, double polar_max, errmsg *e)
 {
@@ -73,7 +85,8 @@ static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, con
         free(pix);
         return -1;
     }
-    rc = remap_run(rgb, alpha, &dst, &src, &ready, e);
+    sphere_source sphere = {&src, &ready};
+    rc = filter_texels(rgb, alpha, &dst, s->filter_sd, sphere_areas, &sphere, e);
     *o = (tally){ready.nbad, 0, t1 - t0, cpu_seconds() - t1};
     source_free(&ready);
     free(pix);
