@@ -269,7 +269,7 @@ static void give(slope_v4 *sum, const band *b, const remap_source *s, int wrap)
         if (y != last) give_runs(sum, &done, &weight, b, pix, (size_t)(y + 2) * (size_t)w);
         last = y;
         slope_v4 v = pix[(size_t)y * (size_t)w + (size_t)x], gx, gy;
-        slope_at(&gx, &gy, s, x, y, wrap);
+        slope_at(&gx, &gy, s, x, y, wrap, 1);
         __builtin_prefetch(p + AHEAD);
         __builtin_prefetch(p + AHEAD + 4); /* the next cache line */
         for (const piece *end = b->p + b->g[k].end; p < end; p++) sum[p->texel] += p->w * v + p->wx * gx + p->wy * gy;

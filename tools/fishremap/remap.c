@@ -31,7 +31,7 @@ static void row_apply(float *rgb, float *alpha, const row *r, int width, const r
                     line = (uint32_t)y * w;
                 }
                 slope_v4 gx, gy;
-                slope_at(&gx, &gy, s, (int)(e->px - line), y, wrap);
+                slope_at(&gx, &gy, s, (int)(e->px - line), y, wrap, !s->bad);
                 sum += e->wx * gx + e->wy * gy;
             }
             for (int c = 0; c < 3; c++) total[c] += (double)sum[c];

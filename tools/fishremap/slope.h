@@ -30,7 +30,6 @@ void source_free(remap_source *s);
 
 typedef float slope_v4 __attribute__((vector_size(16)));
 typedef int slope_i4 __attribute__((vector_size(16)));
-typedef long long slope_l2 __attribute__((vector_size(16)));
 
 static inline slope_v4 slope_abs(slope_v4 a)
 {
@@ -48,6 +47,11 @@ static inline slope_v4 slope_max(slope_v4 a, slope_v4 b)
 {
     return (slope_v4)_mm_max_ps((__m128)a, (__m128)b);
 }
+
+static inline int slope_any(slope_i4 a)
+{
+    return _mm_movemask_ps((__m128)a);
+}
 #else
 static inline slope_v4 slope_min(slope_v4 a, slope_v4 b)
 {
@@ -58,6 +62,11 @@ static inline slope_v4 slope_min(slope_v4 a, slope_v4 b)
 static inline slope_v4 slope_max(slope_v4 a, slope_v4 b)
 {
     return -slope_min(-a, -b);
+}
+
+static inline int slope_any(slope_i4 a)
+{
+    return (a[0] | a[1] | a[2] | a[3]) != 0;
 }
 #endif
 
@@ -75,8 +84,7 @@ static inline void slope_pixel(slope_v4 *gx, slope_v4 *gy, slope_v4 p, slope_v4 
     slope_v4 x = slope_limited(p - left, right - p), y = slope_limited(p - up, down - p);
     slope_v4 dip = 0.5f * (slope_abs(x) + slope_abs(y));
     slope_i4 low = dip > p;
-    slope_l2 any = (slope_l2)low; /* of the fourth channel both are 1 and 0 */
-    if (any[0] | any[1])
+    if (slope_any(low)) /* of the fourth channel both are 0 and 1 */
         for (int c = 0; c < 3; c++) {
             float k = !low[c] ? 1 : p[c] > 0 ? p[c] / dip[c] : 0;
             x[c] *= k, y[c] *= k;
@@ -84,15 +92,16 @@ static inline void slope_pixel(slope_v4 *gx, slope_v4 *gy, slope_v4 p, slope_v4 
     *gx = x, *gy = y;
 }
 
-/* The same of pixel (x, y) of a picture; wrap: its first and last column are neighbours.  Beside a bad pixel it is level. */
-static inline void slope_at(slope_v4 *gx, slope_v4 *gy, const remap_source *s, int x, int y, int wrap)
+/* The same of pixel (x, y) of a picture; wrap: its first and last column are neighbours.  Beside a bad pixel it is level; all_good:
+ * there is none. */
+static inline void slope_at(slope_v4 *gx, slope_v4 *gy, const remap_source *s, int x, int y, int wrap, int all_good)
 {
     const size_t w = (size_t)s->width;
     const slope_v4 *c = (const slope_v4 *)s->pix + (size_t)y * w + (size_t)x;
     slope_v4 p = *c, left = x > 0 ? c[-1] : wrap ? c[w - 1] : p, right = x + 1 < s->width ? c[1] : wrap ? *(c - (w - 1)) : p;
     slope_v4 up = y > 0 ? *(c - w) : p, down = y + 1 < s->height ? c[w] : p;
-    if (left[3] == 0 || right[3] == 0) left = right = p;
-    if (up[3] == 0 || down[3] == 0) up = down = p;
+    if (!all_good && (left[3] == 0 || right[3] == 0)) left = right = p;
+    if (!all_good && (up[3] == 0 || down[3] == 0)) up = down = p;
     slope_pixel(gx, gy, p, left, right, up, down);
 }
 
