@@ -6,6 +6,8 @@ picture; a mirror sphere seen from above has it to the right (contract, section 
 import numpy as np
 import OpenEXR
 
+from conftest import run
+
 
 def write_exr(path, rgb):
     header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -18,6 +20,13 @@ def read_exr(path):
     f = OpenEXR.File(str(path))
     c = f.channels()
     return c["RGBA" if "RGBA" in c else "RGB"].pixels.astype(float), f.header()
+
+
+def remap(tmp_path, image, *args, name="in.exr", code=0):
+    """Write the picture, remap it; pixels of the result (or the failed run)."""
+    write_exr(tmp_path / name, image)
+    r = run("fishremap", *args, "-o", tmp_path / "out.exr", tmp_path / name, code=code)
+    return r if code else read_exr(tmp_path / "out.exr")[0]
 
 
 # ---- what there is to see ------------------------------------------------------------------------
