@@ -3,7 +3,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, strategies as st
 
-from ilf_util import ILF, PI, assert_same, f32, random_ilf, unit, write_ilf
+import fishremap_util as U
+from conftest import one_line_error, run
+from ilf_util import ILF, PI, assert_same, f32, random_ilf, read_mosaic, unit, unmosaic, write_ilf
 from stability.conftest import examples
 from stability.test_lookup import Precise, field, plane_text, relative
 from test_ilf_eval import rays, trace
@@ -48,6 +50,36 @@ def test_any_shape(tmp_path, seed, grid, size, kind, valid, decades, compression
     path = write_ilf(tmp_path / "f.ilf.exr", f, half=half, compression=compression)
     o, d, h = rays(rng, f, 300)
     assert_same(trace(path, o, d, h, depth), f.eval(o, d, h, depth))
+
+
+@given(seeds, st.tuples(st.integers(1, 3), st.integers(1, 3)), st.tuples(st.integers(1, 40), st.integers(1, 20)), st.sampled_from(["half", "float"]),
+       st.sampled_from(["none", "rle", "zip", "zips", "piz"]), st.floats(-9, 3), st.floats(0, 8), st.one_of(st.none(), st.sampled_from([np.nan, np.inf, -np.inf])), st.booleans())
+@pytest.mark.case("any probes packed", "ilfmat/ilf_write.c", "1..3 x 1..3 probes of 1..40 x 1..20, 1e-9 .. 1e11, NaN, inf", "the same numbers, rounded to the type; or refused, the old file whole")
+def test_any_probes(tmp_path, seed, grid, size, kind, compression, low, decades, spoilt, interleaved):
+    rng = np.random.default_rng(seed)
+    probes = (10 ** rng.uniform(low, low + decades, (grid[1], grid[0], size[1], size[0], 3))).astype(np.float32)
+    probes[rng.uniform(size=probes.shape) < .1] = 0
+    if spoilt is not None:
+        probes[tuple(rng.integers(0, n) for n in probes.shape)] = spoilt
+    names = []
+    for k, p in enumerate(probes.reshape(-1, *probes.shape[2:])):
+        names.append(f"{k}.exr")
+        U.write_exr(tmp_path / names[-1], p)
+    (tmp_path / "f.ilf.exr").write_bytes(b"old")
+    r = run("ilfpack", "--grid", f"{grid[0]}x{grid[1]}", "--plane", "0 0 0 1 0 0 0 2 0", "--type", kind, "--compression", compression,
+            *(["--interleave"] if interleaved and compression == "none" else []), "-o", "f.ilf.exr", *names, cwd=tmp_path, code=None)
+    fits = np.isfinite(probes).all() and (kind == "float" or probes.max() <= 65504)
+    if r.code:
+        assert not fits
+        one_line_error(r, "ilfpack", ".exr")
+        assert (tmp_path / "f.ilf.exr").read_bytes() == b"old"
+    else:
+        assert fits
+        _, mosaic = read_mosaic(tmp_path / "f.ilf.exr")
+        assert (unmosaic(mosaic, *grid) == probes.astype(np.float16 if kind == "half" else np.float32)).all()
+    assert sorted(x.name for x in tmp_path.iterdir()) == sorted(["f.ilf.exr", *names])
+    for name in names:
+        (tmp_path / name).unlink()
 
 
 @examples(12)
