@@ -112,10 +112,11 @@ def test_any_falloff(tmp_path, worst, seed, angles, strength, power, noise, wild
 # ---- exposure series -----------------------------------------------------------------------------------------------
 
 @examples(10, 300)
-@given(seeds, st.integers(2, 10), log_uniform(1.3, 16), st.sampled_from(sorted(CAMERAS)), st.sampled_from([255, 65535]), log_uniform(1e-3, 1e3))
-@pytest.mark.case("response of any camera from any series", HDR + "debevec.c", "2..10 exposures 1.3 .. 16 apart, 8 and 16 bits, lambda 1e-3 .. 1e3", "finite; 3 or more, to 4 apart: median error < .1 stops; or refused")
+@given(seeds, st.integers(2, 10), log_uniform(1.3, 16), st.sampled_from(sorted(CAMERAS)), st.sampled_from([255, 65535]), log_uniform(1e-6, 1e6))
+@pytest.mark.case("response of any camera from any series", HDR + "debevec.c", "2..10 exposures 1.3 .. 16 apart, 8 and 16 bits, lambda 1e-6 .. 1e6", "finite; 3 or more, to 4 apart, lambda .1 .. 1e3: median error < .1 stops; or refused")
 def test_any_series(tmp_path, worst, seed, count, ratio, camera, top, smooth):
-    """Beyond 4 the curve between two exposures is the smoothness's guess: no data tells it."""
+    """Beyond 4 the curve between two exposures is the smoothness's guess: no data tells it.  Nor does any below lambda .1
+    (steps of 3.65, 8 bits: .013 stops at .3 and above, .03 at .1, .13 at .01)."""
     span = np.log10(ratio) * (count - 1)
     assume(span < 7)
     truth = scene(100, 100, decades=span + 1, lowest=-span - 1.1, seed=seed)
@@ -135,7 +136,7 @@ def test_any_series(tmp_path, worst, seed, count, ratio, camera, top, smooth):
     (tmp_path / "out.exr").unlink()
     assert all(np.isfinite(c).all() for c in ch.values()) and (got > 0).all()
     seen = ch["flags"] == 0
-    if ratio <= 4 and count > 2 and seen.mean() > .3:
+    if ratio <= 4 and count > 2 and .1 <= smooth <= 1e3 and seen.mean() > .3:
         worst(np.median(np.abs(log2_errors(got, truth)[seen])), .1, f"{camera}, {count} exposures {ratio:.3g} apart, {top}, lambda {smooth:.2g}")
 
 
@@ -181,6 +182,9 @@ def test_any_array(tmp_path, worst, seed, n, m, radius, gap, turn):
         one_line_error(r, "fishremap")
         return
     found = json.loads((tmp_path / "r.json").read_text())
+    if found["spheres_from"] == "corners":
+        assert "corners" in r.err
+        return
     if found["rims_seen"] < n * m:
         assert f"rims of {found['rims_seen']} of {n * m} spheres" in r.err
         return
