@@ -171,8 +171,8 @@ def test_any_codes(tmp_path, seed, count, ratio, weight, response):
 # ---- sphere arrays -------------------------------------------------------------------------------------------------
 
 @examples(3, 100)
-@given(seeds, st.integers(2, 4), st.integers(2, 4), st.integers(16, 45), st.floats(1, 1.3), st.floats(-5, 5))
-@pytest.mark.case("any sphere array, corners by hand", FISH + "spherefind.c", "2..4 x 2..4 spheres of 16..45 pixels, turned to 5 degrees, 3 pixels off", "centres to 4 % of the radius, or it says whose rims it did not find")
+@given(seeds, st.integers(3, 5), st.integers(2, 4), st.integers(16, 45), st.floats(1, 1.3), st.floats(-5, 5))
+@pytest.mark.case("any sphere array, corners by hand", FISH + "spherefind.c", "3..5 x 2..4 spheres of 16..45 pixels, turned to 5 degrees, 3 pixels off", "centres to a pixel or 4 % of the radius, or it says whose rims it did not find")
 def test_any_array(tmp_path, worst, seed, n, m, radius, gap, turn):
     image, centres = photograph(U.lobes(10, seed % 1000, 1.5), n, m, radius=radius, pitch=2 * radius * gap, turn=turn, seed=seed)
     U.write_exr(tmp_path / "array.exr", image)
@@ -182,14 +182,15 @@ def test_any_array(tmp_path, worst, seed, n, m, radius, gap, turn):
         one_line_error(r, "fishremap")
         return
     found = json.loads((tmp_path / "r.json").read_text())
-    if found["spheres_from"] == "corners":
-        assert "corners" in r.err
+    off = np.abs(np.array(found["spheres"])[:, :2] - centres).max()
+    if found["spheres_from"] == "corners":        # as good as those, and it says so
+        assert "corners" in r.err and off < 3 * 2 ** .5
         return
+    assert 2 * found["rims_seen"] > n * m
     if found["rims_seen"] < n * m:
         assert f"rims of {found['rims_seen']} of {n * m} spheres" in r.err
         return
-    off = np.abs(np.array(found["spheres"])[:, :2] - centres).max()
-    worst(off / radius, .04, f"{n} x {m} of {radius} pixels, gap {gap:.2f}, turned {turn:.1f}")
+    worst(off, max(.04 * radius, 1), f"{n} x {m} of {radius} pixels, gap {gap:.2f}, turned {turn:.1f}")
 
 
 # ---- the stage -----------------------------------------------------------------------------------------------------

@@ -9,6 +9,8 @@
 #include <string.h>
 
 #define DEG (M_PI / 180)
+#define LEAST_STEP (0.999e-9 * DEG) /* of a table: below, slopes leave the range of numbers and no photograph tells */
+#define STEEPEST 1e300
 
 int lens_kind_by_name(const char *name)
 {
@@ -42,7 +44,7 @@ static int table_slopes(lens *l, errmsg *e)
     for (int i = 0; i + 1 < n; i++) {
         double h = l->tab_t[i + 1] - l->tab_t[i];
         d[i] = (l->tab_r[i + 1] - l->tab_r[i]) / h;
-        if (!(h > 0) || !(d[i] > 0) || !isfinite(d[i]))
+        if (!(h > LEAST_STEP) || !(d[i] > 0) || !(d[i] < STEEPEST))
             return err_set(e, "lens table: expected angle and radius to grow, found %g deg r %g after %g deg r %g",
                            l->tab_t[i + 1] / DEG, l->tab_r[i + 1], l->tab_t[i] / DEG, l->tab_r[i]);
     }

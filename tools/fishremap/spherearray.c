@@ -213,11 +213,16 @@ static int locate(sphere_seen *q, sphere_grid *g, outcome *o, const settings *s,
         snprintf(o->remark, sizeof o->remark, "a single row: the spheres, pitch and radius are those of the corners %s", s->corners_auto ? "found" : "given");
         return 0;
     }
+    const sphere_grid given = *g;
     int rc = sphere_refine(q, &fit, g, corner, rotate, reach, im->pix, w, h, e);
     if (rc < 0) return -1;
+    /* a grid that the spheres' own rims don't confirm was drawn to something else: by hand it was nearer */
+    if (rc == 0 && (s->corners_auto ? 4 * fit.seen < total : 2 * fit.seen <= total)) rc = 1;
     if (rc > 0 && s->corners_auto)
         return err_set(e, "expected rims around what repeats itself like an array of %d x %d spheres, found none that stand out; give --corners", s->nu, s->nv);
     if (rc > 0) {
+        *g = given;
+        for (int k = 0; k < total; k++) q[k] = sphere_grid_at(NULL, g, k % s->nu, k / s->nu);
         snprintf(o->remark, sizeof o->remark, "no rims to be seen near the corners: spheres, pitch and tilt are those of the corners as given");
         return 0;
     }
