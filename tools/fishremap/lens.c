@@ -10,6 +10,7 @@
 
 #define DEG (M_PI / 180)
 #define LEAST_STEP (0.999e-9 * DEG) /* of a table: below, slopes leave the range of numbers and no photograph tells */
+#define FLATTEST 1e-300
 #define STEEPEST 1e300
 
 int lens_kind_by_name(const char *name)
@@ -44,7 +45,7 @@ static int table_slopes(lens *l, errmsg *e)
     for (int i = 0; i + 1 < n; i++) {
         double h = l->tab_t[i + 1] - l->tab_t[i];
         d[i] = (l->tab_r[i + 1] - l->tab_r[i]) / h;
-        if (!(h > LEAST_STEP) || !(d[i] > 0) || !(d[i] < STEEPEST))
+        if (!(h > LEAST_STEP) || !(d[i] > FLATTEST) || !(d[i] < STEEPEST))
             return err_set(e, "lens table: expected angle and radius to grow, found %g deg r %g after %g deg r %g",
                            l->tab_t[i + 1] / DEG, l->tab_r[i + 1], l->tab_t[i] / DEG, l->tab_r[i]);
     }
@@ -178,7 +179,7 @@ int lens_finish(lens *l, double half, errmsg *e)
                            half / DEG, end / DEG);
     }
     double r = model(&d, l, half);
-    if (!(r > 0) || !isfinite(r)) return err_set(e, "lens: expected a positive finite radius at %g degrees, found %g", half / DEG, r);
+    if (!(r > FLATTEST && r < STEEPEST)) return err_set(e, "lens: expected a positive finite radius at %g degrees, found %g", half / DEG, r);
     l->half = half;
     l->scale = 1 / r;
     return 0;
