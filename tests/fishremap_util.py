@@ -6,8 +6,6 @@ picture; a mirror sphere seen from above has it to the right (contract, section 
 import numpy as np
 import OpenEXR
 
-from conftest import run
-
 
 def write_exr(path, rgb):
     header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -24,6 +22,7 @@ def read_exr(path):
 
 def remap(tmp_path, image, *args, name="in.exr", code=0):
     """Write the picture, remap it; pixels of the result (or the failed run)."""
+    from conftest import run          # the bench, which has no pytest, needs the scenes alone
     write_exr(tmp_path / name, image)
     r = run("fishremap", *args, "-o", tmp_path / "out.exr", tmp_path / name, code=code)
     return r if code else read_exr(tmp_path / "out.exr")[0]
