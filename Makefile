@@ -21,25 +21,33 @@ CC         ?= gcc
 ifeq ($(origin CC),default)
 CC         := gcc
 endif
+CXX        ?= g++
+ifeq ($(origin CXX),default)
+CXX        := g++
+endif
 PYTHON     ?= python3
 PREFIX     ?= /usr/local
 OPT        ?= -O2 -g
-WARN       := -Wall -Wextra -Wshadow -Wconversion -Werror
+# warnings are errors where we look at them, not on a user's machine with another compiler
+WERROR     := $(if $(CI),-Werror)
+WARN       := -Wall -Wextra -Wshadow -Wconversion $(WERROR)
 , := ,
 SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
 CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
 CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) -fopenmp -MMD -MP
+CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow $(WERROR) $(SANFLAGS) -MMD -MP
 LDFLAGS    += $(SANFLAGS) -fopenmp -Wl,--as-needed
 LIBS_ILF   := -lOpenEXRCore -lOpenEXR -lpthread -lm
-LIBS_IMAGE := -lOpenEXRCore -lOpenEXR -lpng -ljpeg -ltiff -lraw_r -lz -lpthread -lm
+LIBS_IMAGE := -lOpenEXRCore -lOpenEXR -lImath -lIex -lpng -ljpeg -ltiff -lraw_r -lz -lstdc++ -lpthread -lm
+LIBS_VISION := -lopencv_video -lopencv_imgproc -lopencv_core
 
 # ---- programs ------------------------------------------------------------------------------------
 PROGRAMS_ilfmat    := ilfpack ilfinfo ilftrace
 PROGRAMS_hdrgen    := hdrgen
 PROGRAMS_fishremap := fishremap falloffcal
 PROGRAMS_stagectl  := stagectl virtualstage virtualcamera
-LIBS_hdrgen        := -lexif -llapacke -llapack
-LIBS_fishremap     := -llapacke -llapack
+LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
+LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack
 LIBS_stagectl      := -lutil
 TOOLS              := hdrgen fishremap stagectl
 
@@ -53,18 +61,19 @@ all: radiance tools man
 
 # ---- what a machine needs --------------------------------------------------------------------------
 DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
-DEBS_TOOLS    := libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev
+DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev \
+	libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
 DEBS_TEST     := gphoto2
 deps: deps-radiance deps-tools deps-test
 deps-radiance: $(B0)/.debs-radiance
 deps-tools: $(B0)/.debs-tools
 deps-test: $(B0)/.debs-test
-$(B0)/.debs-radiance: setup/debs.sh
+$(B0)/.debs-radiance: setup/debs.sh Makefile
 	@sh setup/debs.sh $(DEBS_RADIANCE) && mkdir -p $(@D) && touch $@
-$(B0)/.debs-tools: setup/debs.sh | $(B0)/.debs-radiance
+$(B0)/.debs-tools: setup/debs.sh Makefile | $(B0)/.debs-radiance
 	@sh setup/debs.sh $(DEBS_TOOLS) && mkdir -p $(@D) && touch $@
 
-$(B0)/.debs-test: setup/debs.sh | $(B0)/.debs-tools
+$(B0)/.debs-test: setup/debs.sh Makefile | $(B0)/.debs-tools
 	@sh setup/debs.sh $(DEBS_TEST) && mkdir -p $(@D) && touch $@
 
 # Python lives in a virtual environment of the project's own.
@@ -79,15 +88,23 @@ $(VENV)/.packages: setup/requirements.txt $(VENV)/.made
 	@touch $@
 
 # ---- libraries -------------------------------------------------------------------------------------
-COMMON_OBJ := $(patsubst %.c,$(B)/obj/%.o,$(wildcard common/*.c))
+# C++ only where a library asks for it: thin shims with a C interface
+COMMON_OBJ := $(patsubst %.c,$(B)/obj/%.o,$(wildcard common/*.c)) $(patsubst %.cpp,$(B)/obj/%.o,$(wildcard common/*.cpp))
+VISION_OBJ := $(patsubst %.cpp,$(B)/obj/%.o,$(wildcard common/vision/*.cpp))
 ILFLIB_OBJ := $(patsubst %.c,$(B)/obj/%.o,$(filter-out $(PROGRAMS_ilfmat:%=ilfmat/%.c),$(wildcard ilfmat/*.c)))
 LIBILF     := $(B)/lib/libilf.a
 LIBCOMMON  := $(B)/obj/libcommon.a
+LIBVISION  := $(B)/obj/libvision.a
 
 $(B)/obj/%.o: %.c | $(B0)/.debs-tools
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
 	$(Q)$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
+$(B)/obj/%.o: %.cpp | $(B0)/.debs-tools
+	@mkdir -p $(@D)
+	@echo "  CXX $<"
+	$(Q)$(CXX) $(CPPFLAGS) $(CXXFLAGS) -c -o $@ $<
+$(B)/obj/common/vision/%.o: CPPFLAGS += -isystem /usr/include/opencv4
 # libilf is all that rendering needs
 $(B)/obj/ilfmat/%.o: ilfmat/%.c | $(B0)/.debs-radiance
 	@mkdir -p $(@D)
@@ -99,6 +116,10 @@ $(LIBILF): $(ILFLIB_OBJ)
 	@mkdir -p $(@D) && rm -f $@
 	@ar rcs $@ $^
 $(LIBCOMMON): $(COMMON_OBJ)
+	@mkdir -p $(@D) && rm -f $@
+	@ar rcs $@ $^
+# OpenCV behind a C interface, for the programs that look at photographs
+$(LIBVISION): $(VISION_OBJ)
 	@mkdir -p $(@D) && rm -f $@
 	@ar rcs $@ $^
 
@@ -115,7 +136,7 @@ $(1)_PARTS := $$(patsubst tools/%,$(B)/obj/tools/%.o,$$(basename $$(filter-out $
 $(B)/obj/lib$(1).a: $$($(1)_PARTS)
 	@mkdir -p $$(@D) && rm -f $$@
 	@ar rcs $$@ $$^
-$$(patsubst %,$(B)/bin/%,$(call have,$(1),tools/$(1))): $(B)/bin/%: $(B)/obj/tools/$(1)/%.o $(B)/obj/lib$(1).a $(LIBCOMMON) $(LIBILF)
+$$(patsubst %,$(B)/bin/%,$(call have,$(1),tools/$(1))): $(B)/bin/%: $(B)/obj/tools/$(1)/%.o $(B)/obj/lib$(1).a $(if $(findstring opencv,$(LIBS_$(1))),$(LIBVISION)) $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $$(@D)
 	@echo "  LD  $$(@F)"
 	$(Q)$(CC) $(LDFLAGS) -o $$@ $$^ $$(LIBS_$(1)) $(LIBS_IMAGE)

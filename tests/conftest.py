@@ -43,6 +43,14 @@ def shared_data(name):
     return folder
 
 
+def shared_case(name):
+    """The folder of one input on which we were wrong, with its README; skipped where it is not there."""
+    folder = SHARED / "cases" / name
+    if not folder.is_dir():
+        pytest.skip(f"input not found: cases/{name} (set ILF_SHARED to the folder that holds it)")
+    return folder
+
+
 def environment(**more):
     """The environment that `make env` prints."""
     env = dict(os.environ)
