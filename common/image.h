@@ -28,14 +28,35 @@
 #define IMG_MAX_PIXELS ((int64_t)1 << 31)
 
 typedef struct img_info {
-    int width, height; /* pixels */
+    int width, height; /* pixels, of the picture as it is given: turned and stretched */
     int channels;      /* 1 grey, 2 grey+alpha, 3 RGB, 4 RGB+alpha */
     int coded;         /* 1: values are codes 0..max_code, 0: radiometric */
     double max_code;   /* 255, 65535, ... ; 0 when radiometric */
     char format[8];    /* "exr", "hdr", "png", "jpeg", "tiff", "pnm", "pfm", "raw" */
     /* Photographic facts where the file states them (EXIF, raw, EXR header), else 0. */
     double exposure_s, f_number, iso;
+    /* As the file states them, whatever was made of them: */
+    int orientation;     /* 1..8, EXIF's and TIFF's numbers; 1 when not stated */
+    double pixel_aspect; /* a pixel's height over its width, as stored; 1 when not stated */
+    int panorama;        /* 1: the file says that it is an equirectangular panorama (EXR envmap, GPano) */
 } img_info;
+
+/* How to take a picture; zeroes are the defaults, and so is NULL where one is expected.
+ *
+ * Orientation.  One rule for all formats (EXIF in JPEG and PNG, TIFF's tag, what LibRaw finds in camera raw): the
+ * tag says how the picture is to be looked at, and rows and pixel coordinates are those of the turned
+ * picture.  keep_orientation gives the pixels as they lie in the file: for a series, whose pictures lie alike on the
+ * sensor whatever the tags say (a camera that looks straight up or down sets them by chance).  A
+ * Radiance picture's resolution line is part of its layout, not such a tag: always honoured.
+ *
+ * Pixels that are not square (PIXASPECT in .hdr, pixelAspectRatio in EXR) are stretched along their longer side: each
+ * output pixel is the mean of what it covers.  keep_aspect leaves them: for charts whose rows and columns are
+ * angles whatever a pixel looks like.  Print densities of PNG, JPEG and TIFF are only remarked on. */
+typedef struct img_open_opts {
+    int keep_orientation;
+    int keep_aspect;
+    const char *layer; /* EXR: name of the layer, part or view to take; a single channel gives grey */
+} img_open_opts;
 
 typedef struct img {
     img_info info;
@@ -44,6 +65,7 @@ typedef struct img {
 
 /* Whole picture.  *im is overwritten on success, untouched on failure. */
 int img_load(img *im, const char *path, errmsg *e);
+int img_load_as(img *im, const char *path, const img_open_opts *opts, errmsg *e);
 void img_free(img *im); /* and zero it */
 
 /* Allocate a zeroed radiometric picture.  Refuses sizes over the limits. */
@@ -55,12 +77,14 @@ void img_linearise_srgb(img *im);
 
 /* Header of a picture only. */
 int img_probe(img_info *info, const char *path, errmsg *e);
+int img_probe_as(img_info *info, const char *path, const img_open_opts *opts, errmsg *e);
 
 /* Row stream: for series too large to hold.  Rows come from the top; formats that can't
- * stream (tiled EXR, progressive JPEG, interlaced PNG, bottom-up .hdr) are held inside.
+ * stream (progressive JPEG, interlaced PNG, bottom-up .hdr), and pictures to be turned, are held inside.
  * One reader is for one thread at a time; different readers are independent. */
 typedef struct img_reader img_reader;
 int img_reader_open(img_reader **r, const char *path, errmsg *e);
+int img_reader_open_as(img_reader **r, const char *path, const img_open_opts *opts, errmsg *e);
 const img_info *img_reader_info(const img_reader *r);
 int img_reader_rows(img_reader *r, float *rows, int nrows, errmsg *e); /* next nrows rows */
 void img_reader_close(img_reader *r);                                   /* NULL allowed */

@@ -252,7 +252,10 @@ static int hdr_row(img_reader *r, float *row, errmsg *e)
 {
     hdr_state *s = r->state;
     if (!s->order.columns && !s->order.flip_x && !s->order.flip_y) return hdr_line(r, row, e);
-    return img_held_row(r, &s->held, s->order, hdr_line, row, e);
+    int w = r->info.width, h = r->info.height;
+    if (!s->held && img_hold(&s->held, r, w, h, 3, s->order, hdr_line, e) < 0) return -1;
+    memcpy(row, s->held + (size_t)r->y * (size_t)w * 3, (size_t)w * 3 * sizeof *row);
+    return 0;
 }
 
 const img_codec img_codec_hdr = {"hdr", hdr_sniff, hdr_open, hdr_row, hdr_close};

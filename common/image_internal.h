@@ -2,7 +2,7 @@
  * image_internal.h - what image.c and the formats (image_*.c) share.
  *
  * A format is a table of functions.  open() reads the header and fills r->info; row() gives
- * the next row from the top; what a format keeps between calls hangs on r->state.  Functions
+ * row r->y from the top, as stored: turning by the orientation tag and stretching to square pixels come after it; what a format keeps between calls hangs on r->state.  Functions
  * return 0, or -1 with words in e; close() is called once after any open(), failed or not.
  */
 #ifndef IMAGE_INTERNAL_H
@@ -24,13 +24,18 @@ typedef struct img_codec {
 } img_codec;
 
 struct img_reader {
-    img_info info;
+    img_info info;  /* as the codec gives the rows: width and height as stored */
+    img_info shown; /* as the caller gets them (image_shape.c) */
+    img_open_opts opts;
+    int turned; /* the codec has turned the picture itself */
     const img_codec *codec;
     const char *path; /* for messages; owned */
     FILE *f;          /* seekable, at its beginning when open() is called; owned */
     int64_t bytes;    /* size of the file */
-    int y;            /* rows given so far */
+    int y;            /* rows that the codec has given so far */
+    int given;        /* rows that the caller has been given */
     int failed;
+    struct img_shape *shape; /* NULL: rows go through as they are */
     void *state;
 };
 
@@ -46,20 +51,31 @@ int img_set_info(img_reader *r, int64_t width, int64_t height, int channels, dou
 /* One line about the file that r reads: "PATH: words"; returns -1. */
 int img_bad(const img_reader *r, errmsg *e, const char *fmt, ...) __attribute__((format(printf, 3, 4)));
 
+/* Turning and stretching between the codec's rows and the caller's. */
+int img_shape_open(img_reader *r, errmsg *e);
+int img_shape_row(img_reader *r, float *row, errmsg *e);
+void img_shape_close(img_reader *r);
+
+/* Orientation 1..8 that an EXIF block (a TIFF; "Exif\0\0" before it is skipped) states for its first picture, else 1. */
+int img_exif_orientation(const unsigned char *block, size_t n);
+
+/* Does an XMP packet somewhere in the block say that the picture is an equirectangular panorama (GPano)? */
+int img_xmp_panorama(const unsigned char *block, size_t n);
+
 /* For TIFF and raw: is a TIFF one that holds camera raw data?  Leaves f where it was. */
 int img_tiff_is_raw(FILE *f);
 
-/* A picture whose stored rows aren't the shown rows from the top: it is held whole. */
+/* A picture whose stored rows aren't the shown rows from the top. */
 typedef struct img_order {
     int columns; /* stored lines are columns */
     int flip_x;  /* from the right */
     int flip_y;  /* from the bottom */
 } img_order;
 
-/* Give a row of a held picture: read all stored lines with next() into the right places at the
- * first call.  *held is owned by the caller (free). */
-int img_held_row(img_reader *r, float **held, img_order order,
-                 int (*next)(img_reader *r, float *line, errmsg *e), float *row, errmsg *e);
+/* Read all stored lines with next() into their places of a picture that is shown with w x h pixels of c channels; it
+ * is the caller's (free). */
+int img_hold(float **held, img_reader *r, int w, int h, int c, img_order order,
+             int (*next)(img_reader *r, float *line, errmsg *e), errmsg *e);
 
 /* Writers; each makes the whole file at o, which image.c commits.  path is for messages. */
 

@@ -112,6 +112,14 @@ static double fact(float v)
     return isfinite(v) && v > 0 ? (double)v : 0;
 }
 
+/* LibRaw's turn (dcraw's bits 4 transpose, 2 bottom up, 1 right to left; or degrees) in EXIF's numbers. */
+static int orientation_of(int flip)
+{
+    static const int exif[8] = {1, 2, 4, 3, 5, 8, 6, 7};
+    int degrees = (flip + 3600) % 360;
+    return degrees == 270 ? 8 : degrees == 180 ? 3 : degrees == 90 ? 6 : exif[flip & 7];
+}
+
 static int raw_open(img_reader *r, errmsg *e)
 {
     raw_state *s = r->state = calloc(1, sizeof *s);
@@ -137,6 +145,9 @@ static int raw_open(img_reader *r, errmsg *e)
     p->adjust_maximum_thr = 0;
     p->highlight = 0; /* clip at white: a clipped pixel stays recognisable */
     int rc = libraw_open_buffer(s->raw, s->file, size);
+    r->info.orientation = orientation_of(s->raw->sizes.flip);
+    p->user_flip = r->opts.keep_orientation ? 0 : -1; /* the library turns what it holds anyway */
+    r->turned = 1;
     if (rc == LIBRAW_SUCCESS) rc = libraw_adjust_sizes_info_only(s->raw);
     if (rc != LIBRAW_SUCCESS) return raw_bad(r, e, rc);
     r->info.exposure_s = fact(s->raw->other.shutter);

@@ -4,7 +4,7 @@
  * picture of the file.
  *
  * Strips of one plane stream line by line; separate planes keep a strip of each, tiles a row of
- * tiles.  The orientation tag is applied (such pictures are held whole).
+ * tiles.
  */
 #include <math.h>
 #include <pthread.h>
@@ -28,9 +28,6 @@ typedef struct tiff_state {
     size_t units;          /* buffers held: planes, times tiles of a row */
     unsigned char *buf;
     uint32_t band; /* which row of strips or tiles is in buf; UINT32_MAX: none */
-    img_order order;
-    uint32_t y; /* next stored line */
-    float *held;
 } tiff_state;
 
 /* libtiff reports through global handlers; what it said is kept per thread. */
@@ -156,13 +153,8 @@ static int tiff_open(img_reader *r, errmsg *e)
     double max = s->is_float ? 0 : s->bits == 16 || s->palette ? 65535 : 255;
     uint16_t orientation = ORIENTATION_TOPLEFT;
     TIFFGetFieldDefaulted(s->tif, TIFFTAG_ORIENTATION, &orientation);
-    if (orientation < 1 || orientation > 8) orientation = ORIENTATION_TOPLEFT;
-    s->order.columns = orientation >= ORIENTATION_LEFTTOP;
-    s->order.flip_x = orientation == 2 || orientation == 3 || orientation == 6 || orientation == 7;
-    s->order.flip_y = orientation == 3 || orientation == 4 || orientation == 7 || orientation == 8;
-    if (img_set_info(r, s->order.columns ? s->height : s->width, s->order.columns ? s->width : s->height,
-                     channels, max, e) < 0)
-        return -1;
+    r->info.orientation = orientation >= 1 && orientation <= 8 ? orientation : ORIENTATION_TOPLEFT;
+    if (img_set_info(r, s->width, s->height, channels, max, e) < 0) return -1;
     return read_units(r, s, e);
 }
 
@@ -172,7 +164,6 @@ static void tiff_close(img_reader *r)
     if (!s) return;
     if (s->tif) TIFFClose(s->tif);
     free(s->buf);
-    free(s->held);
     free(s);
 }
 
@@ -219,10 +210,10 @@ static double sample_at(const tiff_state *s, const unsigned char *p)
     return (double)v;
 }
 
-/* The next stored line. */
-static int tiff_line(img_reader *r, float *line, errmsg *e)
+static int tiff_row(img_reader *r, float *line, errmsg *e)
 {
     tiff_state *s = r->state;
+    uint32_t y = (uint32_t)r->y;
     size_t nc = (size_t)r->info.channels, bytes = s->bits / 8u,
            across = s->units / (s->separate ? s->samples : 1u);
     last_words[0] = 0;
@@ -230,8 +221,8 @@ static int tiff_line(img_reader *r, float *line, errmsg *e)
         s->buf = calloc(s->units, s->unit);
         if (!s->buf) return img_bad(r, e, "out of memory");
     }
-    if (read_band(r, s, s->y, e) < 0) return -1;
-    size_t in_unit = s->tiled || s->separate ? s->y % s->rows : 0;
+    if (read_band(r, s, y, e) < 0) return -1;
+    size_t in_unit = s->tiled || s->separate ? y % s->rows : 0;
     size_t file_channels = s->palette ? 1 : nc;
     for (size_t x = 0; x < s->width; x++) {
         size_t tile = s->tiled ? x / s->tile_w : 0, col = s->tiled ? x % s->tile_w : x;
@@ -250,15 +241,7 @@ static int tiff_line(img_reader *r, float *line, errmsg *e)
             }
         }
     }
-    s->y++;
     return 0;
-}
-
-static int tiff_row(img_reader *r, float *row, errmsg *e)
-{
-    tiff_state *s = r->state;
-    if (!s->order.columns && !s->order.flip_x && !s->order.flip_y) return tiff_line(r, row, e);
-    return img_held_row(r, &s->held, s->order, tiff_line, row, e);
 }
 
 const img_codec img_codec_tiff = {"tiff", tiff_sniff, tiff_open, tiff_row, tiff_close};
