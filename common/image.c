@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "image_internal.h"
 
@@ -69,6 +70,20 @@ static FILE *spool(FILE *in)
     return out;
 }
 
+/* Standard input is read once and kept: it can be opened again, as a file can. */
+static FILE *standard_input(void)
+{
+    static int kept = -1;
+    char name[32];
+    if (kept < 0) {
+        FILE *f = spool(stdin);
+        if (f) kept = dup(fileno(f));
+        return f;
+    }
+    snprintf(name, sizeof name, "/dev/fd/%d", kept);
+    return fopen(name, "rb"); /* with a place of its own in it */
+}
+
 static int open_file(img_reader *r, const char *path, errmsg *e)
 {
     int is_stdin = strcmp(path, "-") == 0;
@@ -84,7 +99,7 @@ static int open_file(img_reader *r, const char *path, errmsg *e)
     if (S_ISREG(st.st_mode) && !is_stdin) {
         r->f = in;
     } else {
-        r->f = spool(in);
+        r->f = is_stdin ? standard_input() : spool(in);
         if (!r->f) err_errno(e, "%s: can't read", r->path);
         if (!is_stdin) fclose(in);
         if (!r->f) return -1;

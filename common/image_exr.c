@@ -4,8 +4,9 @@
  * Windows: pixels lie at their place in the display window.  What the data window has beyond it (overscan) is cut off;
  * where it does not reach, the picture is unknown: black with alpha 0, for which it gets an alpha channel.
  *
- * Alpha: OpenEXR's colours are multiplied by alpha, ours are not: for 0 < A < 1 they are divided by it.  A pixel of alpha
- * 0 that has light (a flame, a glow) keeps its light as it is.  Files of ours say that theirs are straight (EXR_STRAIGHT).
+ * Alpha: OpenEXR's colours are multiplied by alpha, ours are not: for 0 < A < 1 they are divided by it.  Light where A = 0
+ * (a flame, a glow: it hides nothing and is there all the same; or an alpha channel that nobody filled) is kept as it is and
+ * gets alpha 1, so that it counts as seen.  Files of ours say that theirs are straight (EXR_STRAIGHT).
  *
  * Colours: values are for Rec. 709's primaries and white, OpenEXR's default, or for Radiance's own; others stated by the
  * attribute chromaticities go through XYZ to Rec. 709's (image_colour.c).
@@ -189,8 +190,14 @@ static int data_row(float **row, img_reader *r, exr_state *s, int y, errmsg *e)
 static void convert(float *p, int n, const exr_state *s)
 {
     int alpha = n == 2 || n == 4, colours = n - alpha;
-    if (alpha && !s->straight && p[colours] > 0 && p[colours] < 1)
-        for (int c = 0; c < colours; c++) p[c] = (float)((double)p[c] / (double)p[colours]);
+    if (alpha && !s->straight) {
+        int light = 0;
+        for (int c = 0; c < colours; c++) light |= p[c] != 0;
+        if (p[colours] > 0 && p[colours] < 1)
+            for (int c = 0; c < colours; c++) p[c] = (float)((double)p[c] / (double)p[colours]);
+        else if (p[colours] == 0 && light)
+            p[colours] = 1;
+    }
     if (!s->recolour) return;
     double v[3] = {(double)p[0], (double)p[1], (double)p[2]};
     for (int c = 0; c < 3; c++) p[c] = (float)(s->matrix[c][0] * v[0] + s->matrix[c][1] * v[1] + s->matrix[c][2] * v[2]);

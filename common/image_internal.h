@@ -52,6 +52,10 @@ int img_set_info(img_reader *r, int64_t width, int64_t height, int channels, dou
 /* One line about the file that r reads: "PATH: words"; returns -1. */
 int img_bad(const img_reader *r, errmsg *e, const char *fmt, ...) __attribute__((format(printf, 3, 4)));
 
+/* Print densities of a coded picture, in any unit: they say how it is to be printed and are often made up, so that pixels are
+ * taken as square all the same; a remark where they are not equal. */
+void img_density(const img_reader *r, double x, double y);
+
 /* Turning and stretching between the codec's rows and the caller's. */
 int img_shape_open(img_reader *r, errmsg *e);
 int img_shape_row(img_reader *r, float *row, errmsg *e);

@@ -145,6 +145,12 @@ int img_shape_row(img_reader *r, float *row, errmsg *e)
     return r->shape->wide ? wide_row(r, row, e) : turned_row(r, row, e);
 }
 
+void img_density(const img_reader *r, double x, double y)
+{
+    if (x > 0 && y > 0 && fabs(x / y - 1) >= square)
+        remark(r->path, "states different densities along x and y (%g, %g); its pixels are taken as square", x, y);
+}
+
 /* ---- opening --------------------------------------------------------------------------------------- */
 
 static int plan_stretch(img_reader *r, struct img_shape *s, errmsg *e)
