@@ -167,6 +167,7 @@ static int plan_stretch(img_reader *r, struct img_shape *s, errmsg *e)
     else
         w = llround((double)w / aspect), s->wide = w > s->w;
     if (img_check_size(r->path, w, h, e) < 0) return -1;
+    if (!s->tall && !s->wide) return 0;
     remark(r->path, "its pixels are not square (height / width %.4g): %dx%d stretched to %dx%d", s->order.columns ? 1 / aspect : aspect,
            s->w, s->h, (int)w, (int)h);
     r->shown.width = (int)w;
