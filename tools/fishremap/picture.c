@@ -47,7 +47,8 @@ static int fold_mask(img *im, const char *path, errmsg *e)
 int input_load(img *im, int *all_good, const settings *s, errmsg *e)
 {
     img a, b;
-    if (img_load(&a, s->in, e)) return -1;
+    const img_open_opts how = {.layer = s->layer};
+    if (img_load_as(&a, s->in, &how, e)) return -1;
     img_linearise_srgb(&a);
     if (img_alloc(&b, a.info.width, a.info.height, 4, e)) {
         img_free(&a);
