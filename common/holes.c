@@ -1,6 +1,6 @@
 /*
- * holes.c - see holes.h.  Filling is by a pyramid: levels of half the size hold sums of solid angle and of solid angle
- * times value of what is seen; a hole takes the bilinear value of the finest level that knows its
+ * holes.c - see holes.h.  Filling is by a pyramid: levels of half the size hold sums of solid angle and of
+ * solid angle times value of what is seen; a hole takes the bilinear value of the finest level that knows its
  * surroundings (Gortler et al., The Lumigraph, 1996, "pull-push").
  */
 #include "holes.h"
@@ -37,7 +37,8 @@ holes holes_find(const float *seen, int w, int h, double polar_max)
     }
     for (int y = 0; y < f.rows; y++)
         for (int x = 0; x < w; x++)
-            if (!is_seen(seen[(size_t)y * (size_t)w + (size_t)x])) f.among += row_weight(y, h, polar_max) / all / w;
+            if (!is_seen(seen[(size_t)y * (size_t)w + (size_t)x]))
+                f.among += row_weight(y, h, polar_max) / all / w;
     return f;
 }
 
@@ -101,7 +102,8 @@ int holes_fill(float *rgb, const float *seen, int w, int h, double polar_max)
 {
     level l[LEVELS] = {{w, h, NULL}};
     int n = 1, rc = 0;
-    while (l[n - 1].w > 1 || l[n - 1].h > 1) l[n] = (level){(l[n - 1].w + 1) / 2, (l[n - 1].h + 1) / 2, NULL}, n++;
+    while (l[n - 1].w > 1 || l[n - 1].h > 1)
+        l[n] = (level){(l[n - 1].w + 1) / 2, (l[n - 1].h + 1) / 2, NULL}, n++;
     for (int k = 0; k < n; k++)
         if (!(l[k].sum = calloc((size_t)l[k].w * (size_t)l[k].h, 4 * sizeof(double)))) rc = -1;
     for (size_t i = 0; rc == 0 && i < (size_t)w * (size_t)h; i++) {
@@ -114,7 +116,8 @@ int holes_fill(float *rgb, const float *seen, int w, int h, double polar_max)
     if (rc == 0 && l[n - 1].sum[0] > 0) {
         for (int k = n - 2; k >= 0; k--) complete(&l[k], &l[k + 1]);
         for (size_t i = 0; i < (size_t)w * (size_t)h; i++)
-            for (size_t c = 0; c < 3 && !is_seen(seen[i]); c++) rgb[3 * i + c] = (float)l[0].sum[4 * i + 1 + c];
+            for (size_t c = 0; c < 3 && !is_seen(seen[i]); c++)
+                rgb[3 * i + c] = (float)l[0].sum[4 * i + 1 + c];
     }
     for (int k = 0; k < n; k++) free(l[k].sum);
     return rc;

@@ -142,7 +142,8 @@ int img_reader_open_as(img_reader **out, const char *path, const img_open_opts *
     if (opts) r->opts = *opts;
     r->info.orientation = 1;
     r->info.pixel_aspect = 1;
-    if (open_file(r, path, e) < 0 || choose_codec(r, e) < 0 || r->codec->open(r, e) < 0 || img_shape_open(r, e) < 0) {
+    if (open_file(r, path, e) < 0 || choose_codec(r, e) < 0 || r->codec->open(r, e) < 0 ||
+        img_shape_open(r, e) < 0) {
         img_reader_close(r);
         return -1;
     }

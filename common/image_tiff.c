@@ -156,7 +156,8 @@ static int tiff_open(img_reader *r, errmsg *e)
     uint16_t orientation = ORIENTATION_TOPLEFT;
     TIFFGetFieldDefaulted(s->tif, TIFFTAG_ORIENTATION, &orientation);
     float res[2] = {0, 0};
-    if (TIFFGetField(s->tif, TIFFTAG_XRESOLUTION, &res[0]) && TIFFGetField(s->tif, TIFFTAG_YRESOLUTION, &res[1]))
+    if (TIFFGetField(s->tif, TIFFTAG_XRESOLUTION, &res[0]) &&
+        TIFFGetField(s->tif, TIFFTAG_YRESOLUTION, &res[1]))
         img_density(r, (double)res[0], (double)res[1]);
     r->info.orientation = orientation >= 1 && orientation <= 8 ? orientation : ORIENTATION_TOPLEFT;
     if (img_set_info(r, s->width, s->height, channels, max, e) < 0) return -1;

@@ -27,19 +27,23 @@ static int take_grid(const char *value, void *arg, errmsg *e)
 static const cli_opt options[] = {
     {"grid", 'g', CLI_CALL, NULL, take_grid, "NxM", "probes along u and along v"},
     {"plane", 'p', CLI_STRING, &plane_text, NULL, "\"O U V\"",
-     "nine numbers: position of probe (0,0), then the edges U and V of the\nsampled rectangle, in the scene's unit"},
+     "nine numbers: position of probe (0,0), then the edges U and V of the\nsampled rectangle, in the "
+     "scene's unit"},
     {"type", 't', CLI_STRING, &type_name, NULL, "half|float", "texels in the file (default half)"},
     {"compression", 'c', CLI_STRING, &compression, NULL, "NAME",
      "none rle zips zip piz pxr24 b44 b44a (default none: renderers then\nshare the file's own bytes)"},
     {"interleave", 0, CLI_FLAG, &interleave, NULL, NULL,
-     "hold the texels a second time, in the order that lookups like best:\ntwice the file, and faster where it is used in place"},
+     "hold the texels a second time, in the order that lookups like best:\ntwice the file, and faster where "
+     "it is used in place"},
     {"polar-max", 0, CLI_DOUBLE, &polar_max_deg, NULL, "DEG",
      "polar angle at the probes' lower edge (default: as the first probe's\nilf:polarMax says, else 90)"},
     {"polar-valid", 0, CLI_DOUBLE, &polar_valid_deg, NULL, "DEG",
      "angle beyond which the probes are not to be used (default: as the\nfirst probe's ilf:polarValid says)"},
     {"fill-holes", 0, CLI_FLAG, &fill_holes, NULL, NULL,
-     "continue what is around directions that a probe did not see (alpha 0);\nwithout it they are black, and their share is said"},
-    {"ignore-alpha", 0, CLI_FLAG, &ignore_alpha, NULL, NULL, "take all texels for seen, whatever the probes' alpha says"},
+     "continue what is around directions that a probe did not see (alpha 0);\nwithout it they are black, and "
+     "their share is said"},
+    {"ignore-alpha", 0, CLI_FLAG, &ignore_alpha, NULL, NULL,
+     "take all texels for seen, whatever the probes' alpha says"},
     {"layer", 0, CLI_STRING, &layer, NULL, "NAME", "which layer, part or view of OpenEXR probes"},
     {"output", 'o', CLI_STRING, &target, NULL, "OUT.ilf.exr", "file to write"},
     {0}};
@@ -88,13 +92,19 @@ static probe_facts read_facts(img_reader *r, const char *path)
     (void)img_reader_fact(r, "owner", f.owner, sizeof f.owner);
     (void)img_reader_fact(r, "capDate", f.cap_date, sizeof f.cap_date);
     if (img_reader_fact(r, "ilf:chart", kind, sizeof kind) && strcmp(kind, "probe") != 0)
-        cli_fail(CLI_FAILED, "%s: expected a probe, found a picture whose header says %.40s (fishremap --from %.40s makes a probe of it)",
+        cli_fail(CLI_FAILED,
+                 "%s: expected a probe, found a picture whose header says %.40s (fishremap --from %.40s "
+                 "makes a probe of it)",
                  path, kind, kind);
     if (img_reader_info(r)->panorama && f.polar_max <= 0 && polar_max_deg <= 0)
-        cli_fail(CLI_FAILED, "%s: expected a probe, found an equirectangular panorama by its header (fishremap --from latlong makes a "
-                 "probe of it; --polar-max says that it is one)", path);
+        cli_fail(CLI_FAILED,
+                 "%s: expected a probe, found an equirectangular panorama by its header (fishremap --from "
+                 "latlong makes a "
+                 "probe of it; --polar-max says that it is one)",
+                 path);
     if (img_reader_info(r)->panorama && f.polar_max <= 0)
-        cli_note("%s: packed as a probe although its header says that it is an equirectangular panorama", path);
+        cli_note("%s: packed as a probe although its header says that it is an equirectangular panorama",
+                 path);
     return f;
 }
 
@@ -121,7 +131,11 @@ static void load_probe(probe *p, const char *path, double polar_max)
     const size_t n = (size_t)im.info.width * (size_t)im.info.height;
     errmsg err;
 
-    *p = (probe){im.info.width, im.info.height, calloc(n, 3 * sizeof(float)), alpha ? calloc(n, sizeof(float)) : NULL, {0}};
+    *p = (probe){im.info.width,
+                 im.info.height,
+                 calloc(n, 3 * sizeof(float)),
+                 alpha ? calloc(n, sizeof(float)) : NULL,
+                 {0}};
     im.pix = calloc(n, (size_t)ch * sizeof(float));
     if (!im.pix || !p->rgb || (alpha && !p->seen)) cli_fail(CLI_FAILED, "%s: out of memory", path);
     if (img_reader_rows(r, im.pix, p->h, &err) != 0) cli_fail(CLI_FAILED, "%s", err.text);
@@ -130,22 +144,25 @@ static void load_probe(probe *p, const char *path, double polar_max)
     for (size_t k = 0; k < n; k++) {
         const float *from = im.pix + k * (size_t)ch, share = alpha ? from[ch - 1] : 1;
         if (alpha) p->seen[k] = share;
-        for (size_t c = 0; c < 3 && share > 0; c++) p->rgb[3 * k + c] = from[ch < 3 ? 0 : c]; /* else it stays black */
+        for (size_t c = 0; c < 3 && share > 0; c++)
+            p->rgb[3 * k + c] = from[ch < 3 ? 0 : c]; /* else it stays black */
     }
     img_free(&im);
     if (alpha) p->gaps = holes_find(p->seen, p->w, p->h, polar_max);
     if (alpha && p->gaps.rows == 0)
-        cli_fail(CLI_FAILED, "%s: expected a probe that sees something, found alpha 0 everywhere (--ignore-alpha takes its light as it is)",
+        cli_fail(CLI_FAILED,
+                 "%s: expected a probe that sees something, found alpha 0 everywhere (--ignore-alpha takes "
+                 "its light as it is)",
                  path);
 }
 
 /* ---- directions that were not seen ----------------------------------------------------------------- */
 
 typedef struct unseen {
-    double edge;           /* the smallest angle at which a probe stops seeing; polar_max: none does before it */
-    const char *edge_of;   /* that probe */
-    int differ;            /* others see further */
-    double sum, most;      /* holes: shares of all probes added up, the largest one */
+    double edge; /* the smallest angle at which a probe stops seeing; polar_max: none does before it */
+    const char *edge_of; /* that probe */
+    int differ;          /* others see further */
+    double sum, most;    /* holes: shares of all probes added up, the largest one */
     const char *most_of;
 } unseen;
 
@@ -181,15 +198,21 @@ static void say_unseen(const unseen *u, double polar_max, double valid, int n)
     const double deg = 180 / PI;
 
     if (u->edge < polar_max && valid > u->edge + 1e-6)
-        cli_note("%s: nothing is seen beyond %.4g degrees, but they are to be valid to %.4g: the last values seen are held there",
+        cli_note("%s: nothing is seen beyond %.4g degrees, but they are to be valid to %.4g: the last values "
+                 "seen are held there",
                  u->edge_of, u->edge * deg, valid * deg);
     else if (u->edge < polar_max)
-        cli_note("%s%s: nothing is seen beyond %.4g degrees (alpha 0; %.3g %% of the solid angle): ilf:polarValid is %.4g", u->edge_of,
-                 u->differ ? " sees least" : n > 1 ? " and the others" : "", u->edge * deg,
-                 100 * (cos(u->edge) - cos(polar_max)) / (1 - cos(polar_max)), valid * deg);
+        cli_note("%s%s: nothing is seen beyond %.4g degrees (alpha 0; %.3g %% of the solid angle): "
+                 "ilf:polarValid is %.4g",
+                 u->edge_of,
+                 u->differ ? " sees least"
+                 : n > 1   ? " and the others"
+                           : "",
+                 u->edge * deg, 100 * (cos(u->edge) - cos(polar_max)) / (1 - cos(polar_max)), valid * deg);
     if (u->most > 0)
         cli_note("%s: holes (alpha 0) of %.3g %% of the solid angle%s%s", u->most_of, 100 * u->most,
-                 n > 1 ? ", the most of all probes; " : "; ", fill_holes ? "filled from around them" : "black in the light field (--fill-holes)");
+                 n > 1 ? ", the most of all probes; " : "; ",
+                 fill_holes ? "filled from around them" : "black in the light field (--fill-holes)");
 }
 
 /* The header holds floats: say so where that moves a probe by more than a thousandth of the pitch. */
@@ -200,14 +223,16 @@ static void check_rounding(void)
     for (int k = 0; k < 2; k++) {
         const double *edge = plane + 3 + 3 * k;
         const int n = k ? n_v : n_u;
-        const double pitch = sqrt(edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2]) / (n > 1 ? n - 1 : 1);
+        const double pitch =
+            sqrt(edge[0] * edge[0] + edge[1] * edge[1] + edge[2] * edge[2]) / (n > 1 ? n - 1 : 1);
         for (int c = 0; c < 3; c++) {
             worst = fmax(worst, fabs((double)(float)plane[c] - plane[c]) / pitch);
             worst = fmax(worst, fabs((double)(float)edge[c] - edge[c]) / pitch);
         }
     }
     if (worst > 1e-3)
-        cli_warn("--plane rounds to the header's floats, %.3g of a probe's pitch off: give the material the plane as 9 reals",
+        cli_warn("--plane rounds to the header's floats, %.3g of a probe's pitch off: give the material the "
+                 "plane as 9 reals",
                  worst);
 }
 
@@ -226,7 +251,8 @@ static void check_usage(int operands)
     if (strcmp(type_name, "half") != 0 && strcmp(type_name, "float") != 0)
         cli_fail(CLI_USAGE, "--type: expected half or float, found %s", type_name);
     if ((int64_t)n_u * n_v != operands)
-        cli_fail(CLI_USAGE, "expected %lld probes (%dx%d), found %d", (long long)n_u * n_v, n_u, n_v, operands);
+        cli_fail(CLI_USAGE, "expected %lld probes (%dx%d), found %d", (long long)n_u * n_v, n_u, n_v,
+                 operands);
     check_rounding();
 }
 
@@ -242,12 +268,14 @@ static probe_facts read_all_facts(char *const *paths, int n)
         if (k == 0) first = f;
         const double want = first.polar_max > 0 ? first.polar_max : PI / 2;
         if (polar_max_deg <= 0 && f.polar_max > 0 && fabs(f.polar_max - want) > 1e-4)
-            cli_fail(CLI_FAILED, "%s: expected ilf:polarMax %.6g as in %s, found %.6g", paths[k], want, paths[0], f.polar_max);
+            cli_fail(CLI_FAILED, "%s: expected ilf:polarMax %.6g as in %s, found %.6g", paths[k], want,
+                     paths[0], f.polar_max);
     }
     return first;
 }
 
-/* Below what was seen the last values hold, as lookups do beyond polarValid; holes are filled if the user says so. */
+/* Below what was seen the last values hold, as lookups do beyond polarValid; holes are filled if the user
+ * says so. */
 static void complete_probe(probe *p, const char *path, double polar_max)
 {
     if (!p->seen) return;
@@ -267,15 +295,23 @@ int main(int argc, char **argv)
 
     check_usage(n);
     const probe_facts facts = read_all_facts(argv + 1, n);
-    ilf_spec spec = {.n_u = n_u, .n_v = n_v, .compression = compression, .interleave = interleave, .comments = line, .name = target};
+    ilf_spec spec = {.n_u = n_u,
+                     .n_v = n_v,
+                     .compression = compression,
+                     .interleave = interleave,
+                     .comments = line,
+                     .name = target};
     spec.type = strcmp(type_name, "half") == 0 ? ILF_HALF : ILF_FLOAT;
     memcpy(spec.origin, plane, sizeof spec.origin);
     memcpy(spec.U, plane + 3, sizeof spec.U);
     memcpy(spec.V, plane + 6, sizeof spec.V);
-    spec.polar_max = polar_max_deg > 0 ? polar_max_deg * PI / 180 : facts.polar_max > 0 ? facts.polar_max : PI / 2;
+    spec.polar_max = polar_max_deg > 0     ? polar_max_deg * PI / 180
+                     : facts.polar_max > 0 ? facts.polar_max
+                                           : PI / 2;
     const unseen u = find_unseen(argv + 1, n, spec.polar_max);
     spec.polar_valid = polar_valid_deg > 0 ? polar_valid_deg * PI / 180 : facts.polar_valid;
-    if (polar_valid_deg <= 0 && u.edge < (spec.polar_valid > 0 ? spec.polar_valid : spec.polar_max)) spec.polar_valid = u.edge;
+    if (polar_valid_deg <= 0 && u.edge < (spec.polar_valid > 0 ? spec.polar_valid : spec.polar_max))
+        spec.polar_valid = u.edge;
     say_unseen(&u, spec.polar_max, spec.polar_valid, n);
     spec.white_luminance = facts.white_luminance;
     if (facts.owner[0]) spec.owner = facts.owner;
@@ -294,7 +330,8 @@ int main(int argc, char **argv)
                 cli_fail(err.status == ILF_ERR_IO ? CLI_FAILED : CLI_USAGE, "%s", err.text);
         }
         if (p.w != spec.n_theta || p.h != spec.n_phi)
-            cli_fail(CLI_FAILED, "%s: expected %dx%d pixels as the first probe has, found %dx%d", path, spec.n_theta, spec.n_phi, p.w, p.h);
+            cli_fail(CLI_FAILED, "%s: expected %dx%d pixels as the first probe has, found %dx%d", path,
+                     spec.n_theta, spec.n_phi, p.w, p.h);
         if (ilf_writer_probe(w, p.rgb, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s (from %s)", err.text, path);
         probe_free(&p);
         cli_progress("packing", k + 1, n);
