@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+static const double all_round = 0.9; /* of the columns: a rim may be a little off the probe's pole */
+
 static int is_seen(float share)
 {
     return share > 0; /* false for NaN */
@@ -20,32 +22,44 @@ static double row_weight(int y, int h, double polar_max)
     return cos(y * polar_max / h) - cos((y + 1) * polar_max / h);
 }
 
-holes holes_find(const float *seen, int w, int h, double polar_max)
+/* The first row of column x that lies beyond the rim: it may wave by two rows above the last one. */
+static int rim_of(const float *seen, int w, int h, int rows, int x)
+{
+    int y = rows;
+    while (rows < h && y > rows - 2 && y > 1 && !is_seen(seen[(size_t)(y - 1) * (size_t)w + (size_t)x])) y--;
+    return y;
+}
+
+holes holes_find(const float *seen, int w, int h, double polar_max, int rim)
 {
     holes f = {0};
     double all = 1 - cos(polar_max);
+    int any = 0;
     for (int y = 0; y < h; y++) {
         double sum = 0;
-        int any = 0;
+        int columns = 0;
         for (int x = 0; x < w; x++) {
             float share = seen[(size_t)y * (size_t)w + (size_t)x];
             if (!is_seen(share)) continue;
             sum += share < 1 ? (double)share : 1;
-            any = 1;
+            columns++;
         }
-        if (any) f.rows = y + 1, f.edge = (y + sum / w) * polar_max / h;
+        any |= columns > 0;
+        if (columns >= all_round * w) f.rows = y + 1, f.edge = (y + sum / w) * polar_max / h;
     }
-    for (int y = 0; y < f.rows; y++)
-        for (int x = 0; x < w; x++)
+    if (!rim || f.rows == 0) f.rows = any ? h : 0;
+    if (f.rows == h) f.edge = polar_max;
+    for (int x = 0; x < w; x++)
+        for (int y = 0; y < rim_of(seen, w, h, f.rows, x); y++)
             if (!is_seen(seen[(size_t)y * (size_t)w + (size_t)x]))
                 f.among += row_weight(y, h, polar_max) / all / w;
     return f;
 }
 
-void holes_hold(float *rgb, const float *seen, int w, int h, int first)
+void holes_hold(float *rgb, const float *seen, int w, int h, int rows)
 {
-    for (int y = first; y < h; y++)
-        for (int x = 0; x < w; x++) {
+    for (int x = 0; x < w; x++)
+        for (int y = rim_of(seen, w, h, rows, x); y < h; y++) {
             size_t at = (size_t)y * (size_t)w + (size_t)x;
             if (!is_seen(seen[at])) memcpy(rgb + 3 * at, rgb + 3 * (at - (size_t)w), 3 * sizeof *rgb);
         }

@@ -9,15 +9,16 @@
 #define HOLES_H
 
 typedef struct holes {
-    int rows;     /* rows from the top down to the last one that anything is seen in; 0: nothing is */
-    double edge;  /* polar angle at which seeing ends: the last row counts by its mean share (radians) */
-    double among; /* share of the probe's solid angle in the holes above */
+    int rows;     /* rows above the rim; h: there is none; 0: nothing is seen at all */
+    double edge;  /* polar angle of the rim, where seeing all round ends: its row counts by its mean share */
+    double among; /* share of the probe's solid angle in the holes above the rim */
 } holes;
 
-holes holes_find(const float *seen, int w, int h, double polar_max);
+/* The rim of a lens: below the last row that is seen (nearly) all round.  rim 0: don't look for one. */
+holes holes_find(const float *seen, int w, int h, double polar_max, int rim);
 
-/* Rows from first on: holes get the value of the texel above.  first >= 1. */
-void holes_hold(float *rgb, const float *seen, int w, int h, int first);
+/* Beyond the rim (rows, as found, >= 1) holes get the value of the texel above. */
+void holes_hold(float *rgb, const float *seen, int w, int h, int rows);
 
 /* All holes get a smooth continuation of what is around them: the mean, by solid angle, of ever larger
  * surroundings.  What is seen stays.  -1: out of memory; nothing is seen: nothing is done. */

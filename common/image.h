@@ -40,6 +40,7 @@ typedef struct img_info {
     /* As the file states them, whatever was made of them: */
     int orientation;     /* 1..8, EXIF's and TIFF's numbers; 1 when not stated */
     double pixel_aspect; /* a pixel's height over its width, as stored; 1 when not stated */
+    int cropped;         /* 1: the file holds a part only (EXR data window); alpha 0 is what it leaves open */
     int panorama;        /* 1: the file says that it is an equirectangular panorama (EXR envmap, GPano) */
 } img_info;
 

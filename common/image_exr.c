@@ -158,6 +158,7 @@ static int exr_open(img_reader *r, errmsg *e)
     if (isfinite(s->part->pixel_aspect) && s->part->pixel_aspect > 0)
         r->info.pixel_aspect = 1 / s->part->pixel_aspect;
     r->info.panorama = s->part->envmap == 0;
+    r->info.cropped = !covered;
     r->info.exposure_s = fact(s, "expTime");
     r->info.f_number = fact(s, "aperture");
     r->info.iso = fact(s, "isoSpeed");

@@ -128,6 +128,7 @@ static void load_probe(probe *p, const char *path, double polar_max)
     img_reader *r = open_probe(path);
     img im = {.info = *img_reader_info(r)};
     const int ch = im.info.channels, alpha = (ch == 2 || ch == 4) && !ignore_alpha;
+    const int rim = !im.info.cropped; /* of a lens; not the edge of a data window */
     const size_t n = (size_t)im.info.width * (size_t)im.info.height;
     errmsg err;
 
@@ -148,7 +149,7 @@ static void load_probe(probe *p, const char *path, double polar_max)
             p->rgb[3 * k + c] = from[ch < 3 ? 0 : c]; /* else it stays black */
     }
     img_free(&im);
-    if (alpha) p->gaps = holes_find(p->seen, p->w, p->h, polar_max);
+    if (alpha) p->gaps = holes_find(p->seen, p->w, p->h, polar_max, rim);
     if (alpha && p->gaps.rows == 0)
         cli_fail(CLI_FAILED,
                  "%s: expected a probe that sees something, found alpha 0 everywhere (--ignore-alpha takes "
@@ -180,7 +181,7 @@ static unseen find_unseen(char *const *paths, int n, double polar_max)
         double edge = polar_max;
         if ((ch == 2 || ch == 4) && !ignore_alpha) {
             load_probe(&p, paths[k], polar_max);
-            if (p.gaps.rows < p.h) edge = p.gaps.edge;
+            edge = p.gaps.edge;
             if (edge < least) least = edge, u.edge_of = paths[k];
             u.sum += p.gaps.among;
             if (p.gaps.among > u.most) u.most = p.gaps.among, u.most_of = paths[k];
@@ -198,11 +199,11 @@ static void say_unseen(const unseen *u, double polar_max, double valid, int n)
     const double deg = 180 / PI;
 
     if (u->edge < polar_max && valid > u->edge + 1e-6)
-        cli_note("%s: nothing is seen beyond %.4g degrees, but they are to be valid to %.4g: the last values "
-                 "seen are held there",
+        cli_note("%s: seen all round to %.4g degrees only, but to be valid to %.4g: the last values seen are "
+                 "held there",
                  u->edge_of, u->edge * deg, valid * deg);
     else if (u->edge < polar_max)
-        cli_note("%s%s: nothing is seen beyond %.4g degrees (alpha 0; %.3g %% of the solid angle): "
+        cli_note("%s%s: seen all round to %.4g degrees only (alpha 0 beyond, %.3g %% of the solid angle): "
                  "ilf:polarValid is %.4g",
                  u->edge_of,
                  u->differ ? " sees least"

@@ -59,6 +59,27 @@ def test_the_last_row_counts_by_its_share(tmp_path):
     assert (got == 1).all() and np.isclose(head["ilf:polarValid"], 9.25 / H * np.pi / 2)
 
 
+def test_a_rim_a_little_off_centre(tmp_path):
+    """The lens's axis is not quite the plane's normal: the rim waves by a row."""
+    y, x = np.mgrid[0:H, 0:W]
+    seen = (y < 12 + np.cos(2 * np.pi * x / W)).astype(float)
+    exr(tmp_path / "p.exr", np.ones((H, W, 3)) * seen[..., None], seen)
+    r, head, got = pack(tmp_path, tmp_path / "p.exr")
+    assert (got == 1).all() and np.deg2rad(54) < head["ilf:polarValid"] <= np.deg2rad(60)
+    one_line_error(r, "ilfpack", "seen all round")
+
+
+def test_a_cropped_file_is_no_lens(tmp_path):
+    """What a data window leaves out is black, named, and no rim."""
+    data = (np.array([0, 2], np.int32), np.array([W - 1, 9], np.int32))
+    display = (np.array([0, 0], np.int32), np.array([W - 1, H - 1], np.int32))
+    exr(tmp_path / "p.exr", np.ones((8, W, 3)), dataWindow=data, displayWindow=display)
+    r, head, got = pack(tmp_path, tmp_path / "p.exr")
+    share = 100 * (1 - weights(H)[2:10].sum())
+    one_line_error(r, "ilfpack", "holes", f"{share:.3g} %")
+    assert "ilf:polarValid" not in head and (got[2:10] == 1).all() and (got[:2] == 0).all() and (got[10:] == 0).all()
+
+
 def test_a_smaller_statement_stands(tmp_path):
     seen = np.ones((H, W))
     seen[12:] = 0
