@@ -28,7 +28,7 @@ typedef struct hdr_state {
     double to_rgb[3][3]; /* XYZE, and other primaries than Radiance's */
     float power[256];    /* of the exponent byte */
     unsigned char *line; /* 4 bytes a pixel */
-    float *held;
+    void *held;
 } hdr_state;
 
 /* Some tools put lines before "#?RADIANCE", so that any line of the header may tell. */
@@ -301,8 +301,8 @@ static int hdr_row(img_reader *r, float *row, errmsg *e)
     hdr_state *s = r->state;
     if (!s->order.columns && !s->order.flip_x && !s->order.flip_y) return hdr_line(r, row, e);
     int w = r->info.width, h = r->info.height;
-    if (!s->held && img_hold(&s->held, r, w, h, 3, s->order, hdr_line, e) < 0) return -1;
-    memcpy(row, s->held + (size_t)r->y * (size_t)w * 3, (size_t)w * 3 * sizeof *row);
+    if (!s->held && img_hold(&s->held, 4, r, w, h, 3, s->order, hdr_line, e) < 0) return -1;
+    img_held(row, s->held, 4, (size_t)r->y * (size_t)w * 3, (size_t)w * 3);
     return 0;
 }
 

@@ -31,6 +31,7 @@ struct img_reader {
     img_info shown; /* as the caller gets them (image_shape.c) */
     img_open_opts opts;
     int turned; /* the codec has turned the picture itself */
+    int fractions; /* coded values need not be whole numbers */
     const img_codec *codec;
     const char *path; /* for messages; owned */
     FILE *f;          /* seekable, at its beginning when open() is called; owned */
@@ -85,9 +86,11 @@ typedef struct img_order {
 } img_order;
 
 /* Read all stored lines with next() into their places of a picture that is shown with w x h pixels of c
- * channels; it is the caller's (free). */
-int img_hold(float **held, img_reader *r, int w, int h, int c, img_order order,
-             int (*next)(img_reader *r, float *line, errmsg *e), errmsg *e);
+ * channels, kept in 1, 2 (whole numbers) or 4 (floats) bytes a value; it is the caller's (free). */
+typedef int img_next(img_reader *r, float *line, errmsg *e);
+int img_hold(void **held, int bytes, img_reader *r, int w, int h, int c, img_order order, img_next *next,
+             errmsg *e);
+void img_held(float *row, const void *held, int bytes, size_t first, size_t n); /* n values from first on */
 
 /* Writers; each makes the whole file at o, which image.c commits.  path is for messages. */
 

@@ -22,20 +22,44 @@ static const double most_oblong = 16;
 
 struct img_shape {
     img_order order;
-    int turn;             /* order does something */
-    int w, h;             /* turned, before stretching */
-    int wide, tall;       /* stretched along that side */
-    float *held, *two[2]; /* the turned picture; rows to mix */
-    int have[2];          /* which rows two[] holds, -1: none */
-    int at;               /* next row of held */
+    int turn;       /* order does something */
+    int w, h;       /* turned, before stretching */
+    int wide, tall; /* stretched along that side */
+    void *held;     /* the turned picture */
+    int bytes;      /* of a value in it */
+    float *two[2];  /* rows to mix */
+    int have[2];    /* which rows two[] holds, -1: none */
+    int at;         /* next row of held */
 };
 
-int img_hold(float **held, img_reader *r, int width, int height, int channels, img_order order,
-             int (*next)(img_reader *r, float *line, errmsg *e), errmsg *e)
+/* n values into the held picture from value first on. */
+static void keep(void *held, int bytes, size_t first, const float *v, size_t n)
+{
+    if (bytes == 1)
+        for (size_t i = 0; i < n; i++) ((uint8_t *)held)[first + i] = (uint8_t)v[i];
+    else if (bytes == 2)
+        for (size_t i = 0; i < n; i++) ((uint16_t *)held)[first + i] = (uint16_t)v[i];
+    else
+        memcpy((float *)held + first, v, n * sizeof *v);
+}
+
+void img_held(float *row, const void *held, int bytes, size_t first, size_t n)
+{
+    if (bytes == 1)
+        for (size_t i = 0; i < n; i++) row[i] = ((const uint8_t *)held)[first + i];
+    else if (bytes == 2)
+        for (size_t i = 0; i < n; i++) row[i] = ((const uint16_t *)held)[first + i];
+    else
+        memcpy(row, (const float *)held + first, n * sizeof *row);
+}
+
+int img_hold(void **held, int bytes, img_reader *r, int width, int height, int channels, img_order order,
+             img_next *next, errmsg *e)
 {
     size_t w = (size_t)width, h = (size_t)height, c = (size_t)channels;
     size_t lines = order.columns ? w : h, length = order.columns ? h : w;
-    float *line = malloc(length * c * sizeof *line), *all = malloc(w * h * c * sizeof *all);
+    float *line = malloc(length * c * sizeof *line);
+    void *all = malloc(w * h * c * (size_t)bytes);
     int rc = line && all ? 0 : img_bad(r, e, "out of memory for %zux%zu pixels", w, h);
     for (size_t l = 0; rc == 0 && l < lines; l++) {
         rc = next(r, line, e);
@@ -43,7 +67,7 @@ int img_hold(float **held, img_reader *r, int width, int height, int channels, i
             size_t x = order.columns ? l : p, y = order.columns ? p : l;
             if (order.flip_x) x = w - 1 - x;
             if (order.flip_y) y = h - 1 - y;
-            memcpy(all + (y * w + x) * c, line + p * c, c * sizeof *line);
+            keep(all, bytes, (y * w + x) * c, line + p * c, c);
         }
     }
     free(line);
@@ -69,9 +93,10 @@ static int turned_row(img_reader *r, float *row, errmsg *e)
     struct img_shape *s = r->shape;
     size_t stride = (size_t)s->w * (size_t)r->info.channels;
     if (!s->turn) return stored_row(r, row, e);
-    if (!s->held && img_hold(&s->held, r, s->w, s->h, r->info.channels, s->order, stored_row, e) < 0)
+    if (!s->held &&
+        img_hold(&s->held, s->bytes, r, s->w, s->h, r->info.channels, s->order, stored_row, e) < 0)
         return -1;
-    memcpy(row, s->held + (size_t)s->at++ * stride, stride * sizeof *row);
+    img_held(row, s->held, s->bytes, (size_t)s->at++ * stride, stride);
     return 0;
 }
 
@@ -192,6 +217,7 @@ int img_shape_open(img_reader *r, errmsg *e)
     s->order.flip_x = o == 2 || o == 3 || o == 6 || o == 7;
     s->order.flip_y = o == 3 || o == 4 || o == 7 || o == 8;
     s->turn = o > 1;
+    s->bytes = !r->info.coded || r->fractions ? 4 : r->info.max_code > 255 ? 2 : 1;
     s->have[0] = s->have[1] = -1;
     s->w = s->order.columns ? r->info.height : r->info.width;
     s->h = s->order.columns ? r->info.width : r->info.height;

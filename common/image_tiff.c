@@ -96,7 +96,7 @@ static int read_layout(img_reader *r, tiff_state *s, errmsg *e)
     s->separate = config == PLANARCONFIG_SEPARATE && s->samples > 1;
     int alpha = s->samples > colours && extra > 0 && kinds &&
                 (kinds[0] == EXTRASAMPLE_ASSOCALPHA || kinds[0] == EXTRASAMPLE_UNASSALPHA);
-    s->multiplied = alpha && kinds[0] == EXTRASAMPLE_ASSOCALPHA;
+    s->multiplied = r->fractions = alpha && kinds[0] == EXTRASAMPLE_ASSOCALPHA;
     return s->palette ? 3 : colours + alpha;
 }
 
