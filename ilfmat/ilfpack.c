@@ -96,6 +96,8 @@ static probe_facts read_facts(img_reader *r, const char *path)
                  "%s: expected a probe, found a picture whose header says %.40s (fishremap --from %.40s "
                  "makes a probe of it)",
                  path, kind, kind);
+    if (img_reader_fact(r, "ilf:version", kind, sizeof kind))
+        cli_fail(CLI_FAILED, "%s: expected a probe, found a light field by its header (ilf:version)", path);
     if (img_reader_info(r)->panorama && f.polar_max <= 0 && polar_max_deg <= 0)
         cli_fail(CLI_FAILED,
                  "%s: expected a probe, found an equirectangular panorama by its header (fishremap --from "

@@ -4,6 +4,7 @@ compressions x types x sizes x windows x parts x layers x tiles; through the row
 What a file means (windows, alpha, layers) is written down here a second time, in numpy.
 """
 import itertools
+import struct
 import subprocess
 
 import numpy as np
@@ -357,3 +358,44 @@ def test_case_of_a_named_layer(tmp_path):
     path = shared_case("exr_layer_names") / "blender_multilayer.exr"
     assert "ViewLayer.Combined" in run(IMGTOOL, "probe", path).stderr.decode()
     assert probe(path)["size"] == (128, 64)
+
+
+def test_deep_data_is_refused(tmp_path):
+    samples = np.empty((6, 9), dtype=object)
+    for i in np.ndindex(6, 9):
+        samples[i] = np.ones(1 + i[1] % 3, np.float32)
+    head = {"compression": OpenEXR.ZIPS_COMPRESSION, "type": OpenEXR.deepscanline}
+    OpenEXR.File(head, {n: samples for n in "RGBZ"}).write(str(tmp_path / "a.exr"))
+    assert "deep data" in refused(run(IMGTOOL, "probe", tmp_path / "a.exr"))
+
+
+@pytest.mark.parametrize("mode", ["MIPMAP_LEVELS", "RIPMAP_LEVELS"])
+def test_the_first_of_several_levels(tmp_path, mode):
+    """Level 0 is the picture; a file written here by hand, uncompressed, with its smaller levels all of 99."""
+    w, h, t = 20, 12, 8
+    a = light(w, h).astype("<f4")
+
+    def attr(name, kind, value):
+        return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
+    chlist = b"".join(n.encode() + b"\0" + struct.pack("<iIii", 2, 0, 1, 1) for n in "BGR") + b"\0"
+    window = struct.pack("<4i", 0, 0, w - 1, h - 1)
+    code = {"MIPMAP_LEVELS": 1, "RIPMAP_LEVELS": 2}[mode]
+    head = struct.pack("<II", 20000630, 2 | 0x200) + attr("channels", "chlist", chlist) + attr("compression", "compression", b"\0") \
+        + attr("dataWindow", "box2i", window) + attr("displayWindow", "box2i", window) + attr("lineOrder", "lineOrder", b"\0") \
+        + attr("pixelAspectRatio", "float", struct.pack("<f", 1)) + attr("screenWindowCenter", "v2f", bytes(8)) \
+        + attr("screenWindowWidth", "float", struct.pack("<f", 1)) + attr("tiles", "tiledesc", struct.pack("<IIB", t, t, code)) + b"\0"
+    levels = [(k, k) for k in range(5)] if code == 1 else [(x, y) for y in range(4) for x in range(5)]
+    chunks = []
+    for lx, ly in levels:
+        lw, lh = max(1, w >> lx), max(1, h >> ly)
+        image = a if lx == ly == 0 else np.full((lh, lw, 3), 99, "<f4")
+        for ty, tx in itertools.product(range(-(-lh // t)), range(-(-lw // t))):
+            part = image[ty * t:(ty + 1) * t, tx * t:(tx + 1) * t]
+            pixels = part[:, :, ::-1].transpose(0, 2, 1).tobytes()  # line by line, channels B, G, R
+            chunks.append(struct.pack("<iiiii", tx, ty, lx, ly, len(pixels)) + pixels)
+    at, table = len(head) + 8 * len(chunks), b""
+    for c in chunks:
+        table += struct.pack("<Q", at)
+        at += len(c)
+    (tmp_path / "a.exr").write_bytes(head + table + b"".join(chunks))
+    assert np.array_equal(load(tmp_path / "a.exr", tmp_path, "rows"), a)

@@ -233,6 +233,13 @@ def test_probes_that_contradict_each_other(tmp_path):
     assert pack(tmp_path, tmp_path / "b.exr", tmp_path / "plain.exr", grid="2x1")[0].err == ""
 
 
+def test_a_light_field_is_no_probe(tmp_path):
+    exr(tmp_path / "p.exr", np.ones((H, W, 3)))
+    pack(tmp_path, tmp_path / "p.exr", tmp_path / "p.exr", grid="2x1")
+    (tmp_path / "o.ilf.exr").rename(tmp_path / "field.exr")
+    one_line_error(pack(tmp_path, tmp_path / "field.exr", code=1), "ilfpack", "light field", "field.exr")
+
+
 def test_a_probe_from_a_pipe(tmp_path):
     seen = np.ones((H, W))
     seen[12:] = 0
