@@ -185,9 +185,16 @@ static ilf_status read_channels(ilf *f, ilf_error *err)
     for (int c = 0; c < 3; c++)
         if (found[c] < 0)
             return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected R, G, B, found no %s", f->path, names[c]);
-    for (int c = 0; c < 3; c++) f->chan_place[c] = found[c];
+    f->raw.bytes = 0;
+    for (int k = 0; k < 3; k++)
+        for (int c = 0; c < 3; c++)
+            if (found[c] == k) {
+                f->raw.start[c] = f->raw.bytes;
+                f->raw.is_half[c] = list->entries[k].pixel_type == EXR_PIXEL_HALF;
+                f->raw.bytes += (size_t)f->info.n_theta * (f->raw.is_half[c] ? 2 : 4);
+            }
     f->uniform = half == 0 || half == 3;
-    f->is_half = half == 3 || f->is_dwa; /* DWA keeps no more than a half's precision */
+    f->is_half = half == 3;
     f->info.type = half == 3 ? ILF_HALF : ILF_FLOAT;
     f->texel_bytes = f->is_half ? 2 : 4;
     f->row_bytes = 3 * (size_t)f->info.n_theta * f->texel_bytes;

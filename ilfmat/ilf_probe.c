@@ -96,10 +96,12 @@ static ilf_status find_tile(ilf *f, int part, int i, int j, exr_chunk_info_t *ch
     return ILF_OK;
 }
 
-/* Not compressed, be it that compression did not make it smaller. */
+/* Not compressed, be it that compression did not make it smaller: of which OpenEXR's core library knows nothing for B44 (3.1). */
 static int is_raw(const ilf *f, const exr_chunk_info_t *chunk)
 {
-    return f->uniform && chunk->packed_size == f->probe_bytes && chunk->unpacked_size == f->probe_bytes;
+    const size_t bytes = f->raw.bytes * (size_t)f->info.n_phi;
+
+    return chunk->packed_size == bytes && chunk->unpacked_size == bytes;
 }
 
 /* Decode a tile of the first part into memory of its own. */
@@ -210,7 +212,8 @@ ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix
 void ilf_unpeek_probe(const ilf *f, const unsigned char *pix, void *own)
 {
     free(own);
-    if (own || !f->map) return;
+    /* decoded texels that a lookup keeps are memory that nothing else holds: to give them back would be to lose them */
+    if (own || !f->map || pix < f->map || pix >= f->map + f->info.file_bytes) return;
     /* a look through the whole file should not stay in memory: give back the pages that are the probe's alone */
     const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
     const uintptr_t from = ((uintptr_t)pix + page - 1) & ~(page - 1), to = ((uintptr_t)pix + f->probe_bytes) & ~(page - 1);
