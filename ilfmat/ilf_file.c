@@ -16,10 +16,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "exr_compression.h"
 #include "ilf_internal.h"
-
-const char *const ilf_compression_names[] = {"none", "rle",  "zips", "zip",  "piz",
-                                             "pxr24", "b44", "b44a", "dwaa", "dwab", NULL};
 
 /* ---- OpenEXR's view of the file ----------------------------------------------------------- */
 
@@ -153,11 +151,10 @@ static ilf_status read_layout(ilf *f, ilf_error *err)
                         tw, th, (long long)w, (long long)h);
     f->info.n_theta = (int)tw, f->info.n_phi = (int)th;
     f->info.n_u = (int)(w / tw), f->info.n_v = (int)(h / th);
-    if (exr_get_compression(f->exr, 0, &compression) != EXR_ERR_SUCCESS || (int)compression < 0 ||
-        (int)compression >= (int)(sizeof ilf_compression_names / sizeof *ilf_compression_names) - 1)
+    if (exr_get_compression(f->exr, 0, &compression) != EXR_ERR_SUCCESS || (int)compression < 0 || (int)compression >= EXR_COMPRESSIONS)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: compression: expected one that OpenEXR knows, found number %d", f->path,
                         (int)compression);
-    f->info.compression = ilf_compression_names[compression];
+    f->info.compression = exr_compression_words[compression].name;
     f->is_dwa = compression == EXR_COMPRESSION_DWAA || compression == EXR_COMPRESSION_DWAB;
     return ILF_OK;
 }
@@ -327,6 +324,9 @@ static ilf_status open_file(ilf *f, ilf_error *err)
     f->info.file_bytes = f->st.st_size;
     if (read_whole(f, found, 4, 0) != 0 || memcmp(found, magic, 4) != 0)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: expected an OpenEXR file, found something else", f->path);
+    char words[128];
+    if (exr_foreign_compression(words, sizeof words, exr_stated_compression(f->fd, (uint64_t)f->info.file_bytes)))
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: compression: expected one that this program reads, %s", f->path, words);
 
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
     init.user_data = f;

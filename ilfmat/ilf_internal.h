@@ -82,9 +82,6 @@ ilf_status ilf_check_plane(ilf_frame *frame, const double origin[3], const doubl
                            const char *path, ilf_error *err);
 int ilf_is_full_sphere(double polar_max);
 
-/* The names of OpenEXR's compressions, by exr_compression_t; NULL-terminated. */
-extern const char *const ilf_compression_names[];
-
 /* Decode tile (i, j) of a DWA-compressed file to halves in our layout (ilf_dwa.c). */
 ilf_status ilf_decode_dwa(const ilf *field, int i, int j, unsigned char *pix, ilf_error *err);
 
