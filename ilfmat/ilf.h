@@ -40,7 +40,7 @@ typedef enum ilf_status {
     ILF_ERR_VALUE,   /* a texel is NaN or infinite; the words name probe and pixel */
     ILF_ERR_ARG,     /* an argument is out of its range */
     ILF_ERR_MEMORY,
-    ILF_ERR_CHANGED  /* the file was changed in place while open */
+    ILF_ERR_CHANGED  /* the file was changed in place while open; see ilf_fault */
 } ilf_status;
 
 typedef struct ilf_error {
@@ -106,6 +106,12 @@ void ilf_get_usage(ilf_usage *usage, const ilf *field);
 /* ILF_ERR_CHANGED if the file was written to in place since it was opened.  Each probe's first use asks by itself; what was
  * used before lies in the mapped file and changes with it, so ask again at the end. */
 ilf_status ilf_check_unchanged(const ilf *field, ilf_error *err);
+
+/* A field that is used in place lies in the mapped file.  Where that was cut short, or can't be read, a lookup ends in the
+ * signal SIGBUS, which no library may catch for its program: the program does (SA_SIGINFO) and asks here, with si_addr, for
+ * the words of ILF_ERR_CHANGED: one line that names the file, owned by field; NULL if address is none of field's.
+ * May be called in a signal handler.  (Files to be replaced while in use are replaced by rename: then nothing happens.) */
+const char *ilf_fault(const ilf *field, const void *address);
 
 /* One probe's texels as float, n_phi*n_theta*3, row-major from phi = 0, R G B interleaved. */
 ilf_status ilf_read_probe(float *rgb, const ilf *field, int i, int j, ilf_error *err);

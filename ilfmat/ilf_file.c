@@ -354,6 +354,7 @@ static ilf_status make_probes(ilf *f, ilf_error *err)
         f->map = m;
         madvise(m, (size_t)f->info.file_bytes, MADV_RANDOM); /* no read-ahead past what is touched */
     }
+    ilf_fail_changed(f, &f->fault);
     ilf_choose_layout(f);
     return ILF_OK;
 }
@@ -392,6 +393,13 @@ const ilf_frame *ilf_get_frame(const ilf *f)
 const char *ilf_get_path(const ilf *f)
 {
     return f->path;
+}
+
+const char *ilf_fault(const ilf *f, const void *address)
+{
+    const uintptr_t at = (uintptr_t)address, map = (uintptr_t)f->map;
+
+    return f->map && at >= map && at - map < (uintptr_t)f->info.file_bytes ? f->fault.text : NULL;
 }
 
 void ilf_get_usage(ilf_usage *usage, const ilf *f)

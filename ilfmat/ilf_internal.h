@@ -70,6 +70,7 @@ struct ilf {
     pthread_mutex_t lock; /* held while a probe is read */
     ilf_usage usage;      /* under lock */
     ilf_error exr_words;  /* OpenEXR's own words, under lock */
+    ilf_error fault;      /* what ilf_fault says */
 };
 
 /* Fill err (may be NULL) and return status.  Control characters become '?'. */
@@ -84,6 +85,9 @@ int ilf_is_full_sphere(double polar_max);
 
 /* Decode tile (i, j) of a DWA-compressed file to halves in our layout (ilf_dwa.c). */
 ilf_status ilf_decode_dwa(const ilf *field, int i, int j, unsigned char *pix, ilf_error *err);
+
+/* The words of ILF_ERR_CHANGED, which it returns. */
+ilf_status ilf_fail_changed(const ilf *field, ilf_error *err);
 
 /* Settle in which order texels lie in memory, and what that makes of lookups (ilf_layout.c). */
 void ilf_choose_layout(ilf *field);

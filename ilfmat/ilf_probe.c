@@ -78,8 +78,14 @@ ilf_status ilf_check_unchanged(const ilf *f, ilf_error *err)
     if (fstat(f->fd, &st) != 0) return ilf_fail(err, ILF_ERR_IO, "%s: %s", f->path, strerror(errno));
     if (st.st_size != f->st.st_size || st.st_mtim.tv_sec != f->st.st_mtim.tv_sec ||
         st.st_mtim.tv_nsec != f->st.st_mtim.tv_nsec)
-        return ilf_fail(err, ILF_ERR_CHANGED, "%s: expected the file as it was opened, found it changed", f->path);
+        return ilf_fail_changed(f, err);
     return ILF_OK;
+}
+
+ilf_status ilf_fail_changed(const ilf *f, ilf_error *err)
+{
+    return ilf_fail(err, ILF_ERR_CHANGED, "%s: expected the file as it was opened, found it changed (replace a light field in use by "
+                    "renaming a new one to its name)", f->path);
 }
 
 /* Where part's tile (i, j) is; fails in one line if it is not inside the file. */

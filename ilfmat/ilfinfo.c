@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "cli.h"
+#include "field_guard.h"
 #include "ilf.h"
 #include "image.h"
 
@@ -177,6 +178,7 @@ int main(int argc, char **argv)
     if (montage_size < 1 || montage_size > 16384) cli_fail(CLI_USAGE, "--size: expected 1 to 16384 pixels, found %d", montage_size);
     if (montage && header_only) cli_fail(CLI_USAGE, "--header reads no probe, --montage needs them all");
     if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
+    field_guard_begin(field, prog.name);
     const ilf_info *in = ilf_get_info(field);
     print_header(argv[1], field);
     if (header_only) {
@@ -201,6 +203,7 @@ int main(int argc, char **argv)
             cli_progress("reading probes", (double)j * in->n_u + i + 1, (double)in->n_u * in->n_v);
         }
     free(rgb);
+    if (ilf_check_unchanged(field, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     print_values(&r, field);
     if (montage) write_montage(&im);
     ilf_close(field);
