@@ -16,6 +16,11 @@
  *
  * Units: lengths in the scene's unit, angles in radians, radiance in W/sr/m^2 per RGB channel.
  *
+ * Values below 0 (noise about 0 where a background was subtracted) are values like others: kept when written, interpolated and
+ * looked up as they are, by every estimator.  Only luminance above 0 is aimed at: a threshold is never below 0, and what lies
+ * under it, all of a texel whose luminance is below 0, belongs to the smooth base.  Their sum is right on average; clipping
+ * would add light.
+ *
  * Errors: calls return ILF_OK or an ilf_status; outputs are untouched on failure and the words
  * go to a caller-owned ilf_error (may be NULL).  The library never prints, exits, or keeps
  * globals.
@@ -157,7 +162,7 @@ typedef struct ilf_sampler_spec {
     ilf_mode mode;      /* as lookups will use */
     ilf_hit_fn *hit;    /* for ILF_DEPTH; NULL: the light is infinitely far away */
     void *context;      /* for hit */
-    double threshold;   /* T as luminance of ilf_luminance; 0: 3 times the field's mean */
+    double threshold;   /* T as luminance of ilf_luminance; 0: 3 times the mean of what the field has above 0 */
     double cube;        /* edge of the cubes of space; 0: from the probes' pitch */
 } ilf_sampler_spec;
 
@@ -177,7 +182,8 @@ static inline double ilf_luminance(const float rgb[3])
     return 0.265 * (double)rgb[0] + 0.670 * (double)rgb[1] + 0.065 * (double)rgb[2];
 }
 
-/* The part of a radiance that is excess over the threshold, 0 to 1: excess = part * rgb, base = (1 - part) * rgb. */
+/* The part of a radiance that is excess over the threshold (0 or more), 0 to 1: excess = part * rgb, base = (1 - part) * rgb.
+ * A channel of the excess may be below 0, its luminance is not. */
 static inline double ilf_excess_part(const float rgb[3], double threshold)
 {
     const double y = ilf_luminance(rgb);

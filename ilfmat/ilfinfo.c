@@ -150,6 +150,7 @@ static void print_values(const range *r, const ilf *field)
     static const char names[] = "RGB";
     const ilf_info *in = ilf_get_info(field);
     const double omega = 2 * PI * (1 - cos(in->polar_max)) * in->n_u * in->n_v;
+    const int64_t all = (int64_t)3 * in->n_theta * in->n_phi * in->n_u * in->n_v;
     ilf_usage use;
 
     for (int c = 0; c < 3; c++)
@@ -158,7 +159,9 @@ static void print_values(const range *r, const ilf *field)
     printf("brightest     probe (%d,%d), theta %.4g, phi %.4g degrees: %.6g cd/m^2\n", r->peak_i, r->peak_j,
            (r->peak_x + 0.5) * 360 / in->n_theta - 180, (r->peak_y + 0.5) * in->polar_max * 180 / PI / in->n_phi,
            179 * r->peak);
-    if (r->negative) printf("negative      %lld values\n", (long long)r->negative);
+    if (r->negative)
+        printf("negative      %lld of %lld values (%.2g %%), down to %.6g\n", (long long)r->negative, (long long)all,
+               100 * (double)r->negative / (double)all, fmin(fmin(r->min[0], r->min[1]), r->min[2]));
     ilf_get_usage(&use, field);
     printf("read          %lld of %lld probes, %.1f MB in place, %.1f MB decoded\n", (long long)use.probes,
            (long long)in->n_u * in->n_v, (double)use.mapped_bytes * 1e-6, (double)use.decoded_bytes * 1e-6);
