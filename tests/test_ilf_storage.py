@@ -127,7 +127,6 @@ class Reading:
         (self.folder / "s.oct").write_bytes(octree)
         info = run("ilfinfo", path, env=env).text
         out = {"ilftrace": run("ilftrace", path, stdin=self.rays, env=env).out,
-               "ilftrace --nodepth": run("ilftrace", "--nodepth", path, stdin=self.rays, env=env).out,
                "ilfinfo": "\n".join(x for x in info.splitlines() if x.startswith(("radiance", "brightest", "grid", "polar", "pitch")))}
         common = dict(cwd=self.folder, env=env)
         out["-di 0"] = run("rtrace", "-h", "-ff", "-di", "0", "s.oct", stdin=self.ups, **common).out
@@ -155,8 +154,8 @@ def test_lossless(tmp_path, size):
     first = look(stored(tmp_path / "first.ilf.exr", f))
     assert np.frombuffer(first["-di 16"], "<f4").max() > 0 and np.frombuffer(first["-di 0"], "<f4").max() > 0
     full = size == SIZES[0]
-    for types in TYPES if full else TYPES[:3]:
-        for compression in LOSSLESS if full else ["none", "zip", "piz"]:
+    for types in TYPES if full else TYPES[:2]:
+        for compression in LOSSLESS if full and types in ("hhh", "fff", "hff") else ["none", "zip"]:
             path = stored(tmp_path / f"{types}_{compression}.ilf.exr", f, types, compression)
             assert_identical(look(path), first, path.name)
         if types in ("hhh", "fff"):
@@ -185,7 +184,7 @@ def test_lossy(tmp_path, size):
     f, look = lamp_field(rng, size), Reading(tmp_path, rng)
     f.probes[:, 0] = 0.5                                 # some probes that compress well, some that don't
     f.probes[:, 1] = np.round(f.probes[:, 1, :, :1] * 4) / 4
-    for types in TYPES if size == SIZES[0] else TYPES[:3]:
+    for types in TYPES[:3] if size == SIZES[0] else ["hhh"]:
         for compression in LOSSY:
             lossy = stored(tmp_path / "lossy.ilf.exr", f, types, compression)
             g = ILF(unmosaic(read_mosaic(lossy)[1], f.n_u, f.n_v), f.origin, f.U, f.V, f.polar_max)
