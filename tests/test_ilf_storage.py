@@ -39,6 +39,11 @@ def stored(path, f, types="hhh", compression="none", extra=None, parts=()):
     return path
 
 
+def window(f):
+    """All parts of a file share it."""
+    return np.zeros(2, np.int32), np.array([f.n_u * f.n_theta - 1, f.n_v * f.n_phi - 1], np.int32)
+
+
 def interleaved(path, to):
     """With the second part that ilfpack --interleave writes."""
     program = BUILD / "test" / "ilfcopy"
@@ -230,7 +235,7 @@ def test_tile_order_and_further_parts(tmp_path):
                 assert_identical(look(path), look(stored(tmp_path / "up.ilf.exr", f, compression=compression)), f"dwaa, {order}")
             else:
                 assert_identical(look(path), first, f"{compression}, {order}")
-    note = OpenEXR.Part({"type": OpenEXR.scanlineimage}, {"Y": np.ones((9, 5), np.float32)}, "note")
+    note = OpenEXR.Part({"type": OpenEXR.scanlineimage, "displayWindow": window(f)}, {"Y": np.ones((9, 5), np.float32)}, "note")
     for compression in ("none", "zip"):
         assert_identical(look(stored(tmp_path / "parts.ilf.exr", f, compression=compression, parts=[note])), first, f"{compression}, two parts")
 
@@ -303,7 +308,8 @@ def test_newer_compression_of_a_further_part_does_not_matter(tmp_path):
     if not hasattr(OpenEXR, "ZSTD_COMPRESSION"):
         pytest.skip("this OpenEXR module writes no zstd")
     f = random_ilf(np.random.default_rng(51), 2, 2, 16, 8, half=True)
-    note = OpenEXR.Part({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZSTD_COMPRESSION}, {"Y": np.ones((9, 5), np.float32)}, "note")
+    note = OpenEXR.Part({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZSTD_COMPRESSION, "displayWindow": window(f)},
+                        {"Y": np.ones((9, 5), np.float32)}, "note")
     path = stored(tmp_path / "new.ilf.exr", f, parts=[note])
     assert run("ilftrace", path, stdin="0 0 0 0 0 1 0 0 1\n").out == \
         run("ilftrace", stored(tmp_path / "old.ilf.exr", f), stdin="0 0 0 0 0 1 0 0 1\n").out
