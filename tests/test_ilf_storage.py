@@ -260,7 +260,7 @@ def test_probes_looked_up_before_the_sampler_opens(tmp_path):
     f = lamp_field(rng, (64, 32), (6, 6))
     n = 150
     up = np.concatenate([rng.uniform(-1, 1, (n, 2)), np.full((n, 1), 1.5), np.abs(random_directions(rng, n))], 1)      # over the ball
-    to = np.concatenate([rng.uniform(0.01, 0.06, (n, 2)), np.zeros((n, 1))], 1)
+    to = np.concatenate([rng.uniform(-0.74, -0.69, (n, 2)), np.zeros((n, 1))], 1)
     o = np.tile([0, -3, 2.0], (n, 1))
     # first straight at the light, for which no sampler is needed, then at what it lights, then straight again
     down = np.concatenate([o, unit(to - o)], 1)
