@@ -16,6 +16,11 @@
  *
  * Units: lengths in the scene's unit, angles in radians, radiance in W/sr/m^2 per RGB channel.
  *
+ * Values below 0 (noise about 0 where a background was subtracted) are values like others: kept when written, interpolated and
+ * looked up as they are, by every estimator.  Only luminance above 0 is aimed at: a threshold is never below 0, and what lies
+ * under it, all of a texel whose luminance is below 0, belongs to the smooth base.  Their sum is right on average; clipping
+ * would add light.
+ *
  * Errors: calls return ILF_OK or an ilf_status; outputs are untouched on failure and the words
  * go to a caller-owned ilf_error (may be NULL).  The library never prints, exits, or keeps
  * globals.
@@ -40,7 +45,7 @@ typedef enum ilf_status {
     ILF_ERR_VALUE,   /* a texel is NaN or infinite; the words name probe and pixel */
     ILF_ERR_ARG,     /* an argument is out of its range */
     ILF_ERR_MEMORY,
-    ILF_ERR_CHANGED  /* the file was changed in place while open */
+    ILF_ERR_CHANGED  /* the file was changed in place while open; see ilf_fault */
 } ilf_status;
 
 typedef struct ilf_error {
@@ -107,6 +112,12 @@ void ilf_get_usage(ilf_usage *usage, const ilf *field);
  * used before lies in the mapped file and changes with it, so ask again at the end. */
 ilf_status ilf_check_unchanged(const ilf *field, ilf_error *err);
 
+/* A field that is used in place lies in the mapped file.  Where that was cut short, or can't be read, a lookup ends in the
+ * signal SIGBUS, which no library may catch for its program: the program does (SA_SIGINFO) and asks here, with si_addr, for
+ * the words of ILF_ERR_CHANGED: one line that names the file, owned by field; NULL if address is none of field's.
+ * May be called in a signal handler.  (Files to be replaced while in use are replaced by rename: then nothing happens.) */
+const char *ilf_fault(const ilf *field, const void *address);
+
 /* One probe's texels as float, n_phi*n_theta*3, row-major from phi = 0, R G B interleaved. */
 ilf_status ilf_read_probe(float *rgb, const ilf *field, int i, int j, ilf_error *err);
 
@@ -151,7 +162,7 @@ typedef struct ilf_sampler_spec {
     ilf_mode mode;      /* as lookups will use */
     ilf_hit_fn *hit;    /* for ILF_DEPTH; NULL: the light is infinitely far away */
     void *context;      /* for hit */
-    double threshold;   /* T as luminance of ilf_luminance; 0: 3 times the field's mean */
+    double threshold;   /* T as luminance of ilf_luminance; 0: 3 times the mean of what the field has above 0 */
     double cube;        /* edge of the cubes of space; 0: from the probes' pitch */
 } ilf_sampler_spec;
 
@@ -171,7 +182,8 @@ static inline double ilf_luminance(const float rgb[3])
     return 0.265 * (double)rgb[0] + 0.670 * (double)rgb[1] + 0.065 * (double)rgb[2];
 }
 
-/* The part of a radiance that is excess over the threshold, 0 to 1: excess = part * rgb, base = (1 - part) * rgb. */
+/* The part of a radiance that is excess over the threshold (0 or more), 0 to 1: excess = part * rgb, base = (1 - part) * rgb.
+ * A channel of the excess may be below 0, its luminance is not. */
 static inline double ilf_excess_part(const float rgb[3], double threshold)
 {
     const double y = ilf_luminance(rgb);

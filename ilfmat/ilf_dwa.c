@@ -1,8 +1,8 @@
 /*
  * ilf_dwa.c - decode the DWA compressions, which OpenEXR 3.1's core library leaves to the older library.
  *
- * That library's C interface reads half RGBA tiles.  What DWA compresses it turns into halves itself; only where
- * a tile of FLOAT channels did not compress is more lost here, and a value beyond 65504 is then refused as infinite.
+ * That library's C interface reads half RGBA tiles.  Nothing is lost by it: what DWA compresses of channels R, G and B it
+ * turns into halves itself, FLOAT or not.  (A tile that compression did not make smaller is not read this way.)
  */
 #include <ImfCRgbaFile.h>
 #include <stdio.h>
@@ -10,6 +10,16 @@
 
 #include "exr_header.h"
 #include "ilf_internal.h"
+
+static void put(unsigned char *texel, ImfHalf h, const ilf *f)
+{
+    const float v = ilf_half_to_float_all(h);
+
+    if (f->is_half)
+        memcpy(texel, &h, sizeof h);
+    else
+        memcpy(texel, &v, sizeof v);
+}
 
 ilf_status ilf_decode_dwa(const ilf *f, int i, int j, unsigned char *pix, ilf_error *err)
 {
@@ -39,9 +49,9 @@ ilf_status ilf_decode_dwa(const ilf *f, int i, int j, unsigned char *pix, ilf_er
                 for (size_t x = 0; x < w; x++) {
                     const ImfRgba *p = &rgba[y * w + x];
                     unsigned char *row = pix + y * f->row_bytes + x * f->pixel_bytes;
-                    memcpy(row + f->chan_offset[0], &p->r, 2);
-                    memcpy(row + f->chan_offset[1], &p->g, 2);
-                    memcpy(row + f->chan_offset[2], &p->b, 2);
+                    put(row + f->chan_offset[0], p->r, f);
+                    put(row + f->chan_offset[1], p->g, f);
+                    put(row + f->chan_offset[2], p->b, f);
                 }
     }
     if (in) ImfCloseTiledInputFile(in);

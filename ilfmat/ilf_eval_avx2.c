@@ -110,20 +110,47 @@ INLINE_AVX2 void find_texels(texels *t, const ilf *f, __m256d theta, __m256d phi
 
 /* ---- texels --------------------------------------------------------------------------------- */
 
-typedef enum layout { HALF_PLANAR, HALF_TOGETHER, FLOAT } layout;
+/* One order of sums for all of them, in double: however a field is stored, the same texels give the same bits.  Of each
+ * channel, for each of the four corners the probes one after the other; then the rows; then the columns. */
+typedef enum layout { HALF_PLANAR, HALF_TOGETHER, FLOAT_PLANAR, FLOAT_TOGETHER } layout;
 
-/* Halves are summed in float: of weights and of partial sums, each is rounded by 2^-24 of itself (and the texels
- * by 2^-11 before).  What waits for a texel is then one conversion and one sum a row, few enough for the processor to
- * go on to the next lookup meanwhile; in double it is not. */
+/* Weights by row of corners, probe, column. */
+typedef struct weights {
+    _Alignas(32) double of[2][4][2];
+} weights;
 
-/* Two texels of three halves: 2 others, R G B, R G B.  From 4 bytes before the first, so that nothing beyond the last is
- * read (before the probe's first lies its tile's head, or memory set aside). */
-INLINE_AVX2 __m128i two_together(const unsigned char *p, const int32_t at[2][4], int k, int apart)
+INLINE_AVX2 void spread_weights(weights *w, const texels *t)
 {
-    if (!apart) return _mm_loadu_si128((const __m128i *)(const void *)(p + at[0][k] - 4));
-    const __m128i a = _mm_loadl_epi64((const __m128i *)(const void *)(p + at[0][k] - 2));
-    const __m128i b = _mm_loadl_epi64((const __m128i *)(const void *)(p + at[1][k] - 2));
-    return _mm_blend_epi16(_mm_slli_si128(a, 2), _mm_slli_si128(b, 8), 0xe0);
+    UNROLL
+    for (int row = 0; row < 2; row++) {
+        const __m256d even = _mm256_unpacklo_pd(t->w[2 * row], t->w[2 * row + 1]), odd = _mm256_unpackhi_pd(t->w[2 * row], t->w[2 * row + 1]);
+        _mm256_store_pd(w->of[row][0], _mm256_permute2f128_pd(even, odd, 0x20));
+        _mm256_store_pd(w->of[row][2], _mm256_permute2f128_pd(even, odd, 0x31));
+    }
+}
+
+/* One texel as another value, R, G, B.  Read from one value before the first, so that nothing beyond the last is
+ * read (before the probe's first lies its tile's head, or memory set aside). */
+INLINE_AVX2 __m256d texel_together(const unsigned char *p, layout how)
+{
+    if (how == HALF_TOGETHER) return _mm256_cvtps_pd(_mm_cvtph_ps(_mm_loadl_epi64((const __m128i *)(const void *)(p - 2))));
+    return _mm256_cvtps_pd(_mm_loadu_ps((const float *)(const void *)(p - 4)));
+}
+
+/* Radiance in the upper three lanes. */
+INLINE_AVX2 __m256d sum_together(const unsigned char *const pix[4], const texels *t, const weights *w, layout how, int depth)
+{
+    __m256d s[2][2];
+
+    UNROLL
+    for (int c = 0; c < 4; c++) {
+        __m256d sum = _mm256_setzero_pd();
+        UNROLL
+        for (int k = 0; k < 4; k++)
+            sum = _mm256_fmadd_pd(texel_together(pix[k] + t->at[c][depth ? k : 0], how), _mm256_broadcast_sd(&w->of[c >> 1][k][c & 1]), sum);
+        s[c >> 1][c & 1] = sum;
+    }
+    return _mm256_add_pd(_mm256_add_pd(s[0][0], s[1][0]), _mm256_add_pd(s[0][1], s[1][1]));
 }
 
 /* Two halves of a channel in one word, the first low. */
@@ -142,64 +169,52 @@ INLINE_AVX2 int pair(const unsigned char *channel, int32_t x0, int32_t x1, int a
     return (int)both;
 }
 
-/* The same as 2 others, R R, G G, B B. */
-INLINE_AVX2 __m128i two_planar(const unsigned char *p, const int32_t at[2][4], int k, int apart, const ilf *f)
+/* Two floats of a channel, low. */
+INLINE_AVX2 __m128 pair_float(const unsigned char *channel, int32_t x0, int32_t x1, int apart)
 {
-    return _mm_setr_epi32(0, pair(p + f->chan_offset[0], at[0][k], at[1][k], apart), pair(p + f->chan_offset[1], at[0][k], at[1][k], apart),
-                          pair(p + f->chan_offset[2], at[0][k], at[1][k], apart));
+    if (!apart) return _mm_castsi128_ps(_mm_loadl_epi64((const __m128i *)(const void *)(channel + x0)));
+    float v[2];
+    memcpy(&v[0], channel + x0, 4);
+    memcpy(&v[1], channel + x1, 4);
+    return _mm_setr_ps(v[0], v[1], 0, 0);
 }
 
-/* Radiance in the upper three lanes. */
-INLINE_AVX2 __m128 sum_half(const ilf *f, const unsigned char *const pix[4], const texels *t, layout how, int depth, int apart)
+/* The same texel of both columns: two others, R R; G G, B B. */
+INLINE_AVX2 void two_planar(__m128 to[2], const unsigned char *p, const int32_t at[2][4], int k, int apart, const ilf *f, layout how)
 {
-    __m256 s[2];
-    __m128i raw[8];
+    const unsigned char *r = p + f->chan_offset[0], *g = p + f->chan_offset[1], *b = p + f->chan_offset[2];
+    const int32_t x0 = at[0][k], x1 = at[1][k];
 
-    UNROLL
-    for (int k = 0; k < 8; k++) { /* all addresses are known before the first is read */
-        const int32_t(*at)[4] = &t->at[k >> 2 << 1];
-        raw[k] = how == HALF_TOGETHER ? two_together(pix[k & 3], at, depth ? k & 3 : 0, apart)
-                                      : two_planar(pix[k & 3], at, depth ? k & 3 : 0, apart, f);
+    if (how == HALF_PLANAR) {
+        const __m256 all = _mm256_cvtph_ps(_mm_setr_epi32(0, pair(r, x0, x1, apart), pair(g, x0, x1, apart), pair(b, x0, x1, apart)));
+        to[0] = _mm256_castps256_ps128(all);
+        to[1] = _mm256_extractf128_ps(all, 1);
+    } else {
+        to[0] = _mm_movelh_ps(_mm_setzero_ps(), pair_float(r, x0, x1, apart));
+        to[1] = _mm_movelh_ps(pair_float(g, x0, x1, apart), pair_float(b, x0, x1, apart));
     }
+}
+
+INLINE_AVX2 __m256d sum_planar(const ilf *f, const unsigned char *const pix[4], const texels *t, const weights *w, layout how, int depth,
+                               int apart)
+{
+    __m256d s[2][2];
+
     UNROLL
     for (int row = 0; row < 2; row++) {
-        /* weights of the first column of probes 0 to 3, then of the second */
-        const __m256 w = _mm256_set_m128(_mm256_cvtpd_ps(t->w[2 * row + 1]), _mm256_cvtpd_ps(t->w[2 * row]));
-        __m256i turn = how == HALF_TOGETHER ? _mm256_setr_epi32(0, 0, 0, 0, 0, 4, 4, 4) : _mm256_setr_epi32(0, 4, 0, 4, 0, 4, 0, 4);
-        s[row] = _mm256_setzero_ps();
+        s[row][0] = s[row][1] = _mm256_setzero_pd();
         UNROLL
         for (int k = 0; k < 4; k++) {
-            s[row] = _mm256_fmadd_ps(_mm256_cvtph_ps(raw[4 * row + k]), _mm256_permutevar8x32_ps(w, turn), s[row]);
-            turn = _mm256_add_epi32(turn, _mm256_set1_epi32(1));
+            const __m256d both = _mm256_broadcast_pd((const __m128d *)(const void *)w->of[row][k]);
+            __m128 v[2];
+            two_planar(v, pix[k], &t->at[2 * row], depth ? k : 0, apart, f, how);
+            s[row][0] = _mm256_fmadd_pd(_mm256_cvtps_pd(v[0]), both, s[row][0]);
+            s[row][1] = _mm256_fmadd_pd(_mm256_cvtps_pd(v[1]), both, s[row][1]);
         }
     }
-    const __m256 sum = _mm256_add_ps(s[0], s[1]);
-    const __m128 low = _mm256_castps256_ps128(sum), high = _mm256_extractf128_ps(sum, 1);
-    if (how == HALF_TOGETHER) /* . . R G, B R G B */
-        return _mm_add_ps(_mm_castsi128_ps(_mm_alignr_epi8(_mm_castps_si128(high), _mm_castps_si128(low), 4)), high);
-    const __m128 even = _mm_shuffle_ps(low, high, 0x88), odd = _mm_shuffle_ps(low, high, 0xdd); /* . R, G G, B B */
-    return _mm_add_ps(even, odd);
-}
-
-/* Floats, in whichever order, in double: there may be nothing but denormals, or the largest there are. */
-INLINE_AVX2 __m128 sum_float(const ilf *f, const unsigned char *const pix[4], const texels *t, int depth)
-{
-    double s[3];
-
-    UNROLL
-    for (int c = 0; c < 3; c++) {
-        __m256d sum = _mm256_setzero_pd();
-        UNROLL
-        for (int k = 0; k < 4; k++) {
-            float v[4];
-            UNROLL
-            for (int p = 0; p < 4; p++) memcpy(&v[p], pix[p] + f->chan_offset[c] + t->at[k][depth ? p : 0], 4);
-            sum = _mm256_fmadd_pd(_mm256_cvtps_pd(_mm_setr_ps(v[0], v[1], v[2], v[3])), t->w[k], sum);
-        }
-        const __m128d half = _mm_add_pd(_mm256_castpd256_pd128(sum), _mm256_extractf128_pd(sum, 1));
-        s[c] = _mm_cvtsd_f64(_mm_hadd_pd(half, half));
-    }
-    return _mm256_cvtpd_ps(_mm256_setr_pd(0, s[0], s[1], s[2]));
+    /* first and second column side by side: . . R R, G G B B */
+    const __m256d sum = _mm256_hadd_pd(_mm256_add_pd(s[0][0], s[1][0]), _mm256_add_pd(s[0][1], s[1][1])); /* . G R B */
+    return _mm256_permute4x64_pd(sum, 0xd8);
 }
 
 AVX2 __attribute__((noinline, cold)) static void add_poles(float rgb[3], const ilf *f, const int64_t m[4], __m256d above, __m256d below)
@@ -297,11 +312,13 @@ INLINE_AVX2 int lookup(float rgb[3], const ilf *f, const ilf_frame *fr, const do
         theta = _mm256_permute4x64_pd(both, 0x55);
     }
     find_texels(&t, f, theta, phi, w);
-    const __m128 sum = how == FLOAT ? sum_float(f, pix, &t, depth)
-                       : t.apart    ? sum_half(f, pix, &t, how, depth, 1)
-                                    : sum_half(f, pix, &t, how, depth, 0);
+    weights each;
+    spread_weights(&each, &t);
+    const __m256d sum = how == HALF_TOGETHER || how == FLOAT_TOGETHER ? sum_together(pix, &t, &each, how, depth)
+                        : t.apart                                     ? sum_planar(f, pix, &t, &each, how, depth, 1)
+                                                                      : sum_planar(f, pix, &t, &each, how, depth, 0);
     float out[4];
-    _mm_storeu_ps(out, sum);
+    _mm_storeu_ps(out, _mm256_cvtpd_ps(sum));
     memcpy(rgb, out + 1, 3 * sizeof *rgb);
     if (__builtin_expect(t.poles, 0)) add_poles(rgb, f, m, t.above, t.below);
     return ILF_OK;
@@ -316,8 +333,10 @@ LOOKUP(half_planar, 0, HALF_PLANAR)
 LOOKUP(half_planar_depth, 1, HALF_PLANAR)
 LOOKUP(half_together, 0, HALF_TOGETHER)
 LOOKUP(half_together_depth, 1, HALF_TOGETHER)
-LOOKUP(floats, 0, FLOAT)
-LOOKUP(floats_depth, 1, FLOAT)
+LOOKUP(float_planar, 0, FLOAT_PLANAR)
+LOOKUP(float_planar_depth, 1, FLOAT_PLANAR)
+LOOKUP(float_together, 0, FLOAT_TOGETHER)
+LOOKUP(float_together_depth, 1, FLOAT_TOGETHER)
 #undef LOOKUP
 
 /* clang before 16 has no name for f16c in __builtin_cpu_supports; that the system keeps the wide
@@ -331,10 +350,14 @@ static int has_f16c(void)
 
 ilf_fast_fn *ilf_eval_avx2(const ilf *f, int depth)
 {
-    static ilf_fast_fn *const all[3][2] = {{half_planar, half_planar_depth}, {half_together, half_together_depth}, {floats, floats_depth}};
+    static ilf_fast_fn *const all[4][2] = {{half_planar, half_planar_depth},
+                                           {half_together, half_together_depth},
+                                           {float_planar, float_planar_depth},
+                                           {float_together, float_together_depth}};
+    const int planar = f->pixel_bytes == f->texel_bytes;
 
     if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma") || !has_f16c()) return NULL;
-    return all[!f->is_half ? FLOAT : f->pixel_bytes == f->texel_bytes ? HALF_PLANAR : HALF_TOGETHER][depth];
+    return all[f->is_half ? (planar ? HALF_PLANAR : HALF_TOGETHER) : planar ? FLOAT_PLANAR : FLOAT_TOGETHER][depth];
 }
 
 #else

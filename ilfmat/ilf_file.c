@@ -16,10 +16,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "exr_compression.h"
 #include "ilf_internal.h"
-
-const char *const ilf_compression_names[] = {"none", "rle",  "zips", "zip",  "piz",
-                                             "pxr24", "b44", "b44a", "dwaa", "dwab", NULL};
 
 /* ---- OpenEXR's view of the file ----------------------------------------------------------- */
 
@@ -153,11 +151,10 @@ static ilf_status read_layout(ilf *f, ilf_error *err)
                         tw, th, (long long)w, (long long)h);
     f->info.n_theta = (int)tw, f->info.n_phi = (int)th;
     f->info.n_u = (int)(w / tw), f->info.n_v = (int)(h / th);
-    if (exr_get_compression(f->exr, 0, &compression) != EXR_ERR_SUCCESS || (int)compression < 0 ||
-        (int)compression >= (int)(sizeof ilf_compression_names / sizeof *ilf_compression_names) - 1)
+    if (exr_get_compression(f->exr, 0, &compression) != EXR_ERR_SUCCESS || (int)compression < 0 || (int)compression >= EXR_COMPRESSIONS)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: compression: expected one that OpenEXR knows, found number %d", f->path,
                         (int)compression);
-    f->info.compression = ilf_compression_names[compression];
+    f->info.compression = exr_compression_words[compression].name;
     f->is_dwa = compression == EXR_COMPRESSION_DWAA || compression == EXR_COMPRESSION_DWAB;
     return ILF_OK;
 }
@@ -185,9 +182,16 @@ static ilf_status read_channels(ilf *f, ilf_error *err)
     for (int c = 0; c < 3; c++)
         if (found[c] < 0)
             return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected R, G, B, found no %s", f->path, names[c]);
-    for (int c = 0; c < 3; c++) f->chan_place[c] = found[c];
+    f->raw.bytes = 0;
+    for (int k = 0; k < 3; k++)
+        for (int c = 0; c < 3; c++)
+            if (found[c] == k) {
+                f->raw.start[c] = f->raw.bytes;
+                f->raw.is_half[c] = list->entries[k].pixel_type == EXR_PIXEL_HALF;
+                f->raw.bytes += (size_t)f->info.n_theta * (f->raw.is_half[c] ? 2 : 4);
+            }
     f->uniform = half == 0 || half == 3;
-    f->is_half = half == 3 || f->is_dwa; /* DWA keeps no more than a half's precision */
+    f->is_half = half == 3;
     f->info.type = half == 3 ? ILF_HALF : ILF_FLOAT;
     f->texel_bytes = f->is_half ? 2 : 4;
     f->row_bytes = 3 * (size_t)f->info.n_theta * f->texel_bytes;
@@ -320,6 +324,9 @@ static ilf_status open_file(ilf *f, ilf_error *err)
     f->info.file_bytes = f->st.st_size;
     if (read_whole(f, found, 4, 0) != 0 || memcmp(found, magic, 4) != 0)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: expected an OpenEXR file, found something else", f->path);
+    char words[128];
+    if (exr_foreign_compression(words, sizeof words, exr_stated_compression(f->fd, (uint64_t)f->info.file_bytes)))
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: compression: expected one that this program reads, %s", f->path, words);
 
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
     init.user_data = f;
@@ -347,6 +354,7 @@ static ilf_status make_probes(ilf *f, ilf_error *err)
         f->map = m;
         madvise(m, (size_t)f->info.file_bytes, MADV_RANDOM); /* no read-ahead past what is touched */
     }
+    ilf_fail_changed(f, &f->fault);
     ilf_choose_layout(f);
     return ILF_OK;
 }
@@ -385,6 +393,13 @@ const ilf_frame *ilf_get_frame(const ilf *f)
 const char *ilf_get_path(const ilf *f)
 {
     return f->path;
+}
+
+const char *ilf_fault(const ilf *f, const void *address)
+{
+    const uintptr_t at = (uintptr_t)address, map = (uintptr_t)f->map;
+
+    return f->map && at >= map && at - map < (uintptr_t)f->info.file_bytes ? f->fault.text : NULL;
 }
 
 void ilf_get_usage(ilf_usage *usage, const ilf *f)

@@ -58,7 +58,11 @@ struct ilf {
     size_t chan_offset[3];
     int is_dwa;           /* compressed with DWA, which has a decoder of its own */
     int uniform;          /* all channels of one type */
-    int chan_place[3];    /* of R, G, B in the first part's rows */
+    struct {              /* a row of an uncompressed tile of the first part: channel after channel */
+        size_t bytes;     /* of the row */
+        size_t start[3];  /* where R, G, B begin */
+        int is_half[3];
+    } raw;
     int in_place;         /* tiles are used where they are in the mapped file */
     int second_part;      /* number of the part that holds the texels interleaved; 0: none */
     probe *probes;        /* n_u*n_v, i fastest */
@@ -66,6 +70,7 @@ struct ilf {
     pthread_mutex_t lock; /* held while a probe is read */
     ilf_usage usage;      /* under lock */
     ilf_error exr_words;  /* OpenEXR's own words, under lock */
+    ilf_error fault;      /* what ilf_fault says */
 };
 
 /* Fill err (may be NULL) and return status.  Control characters become '?'. */
@@ -78,11 +83,11 @@ ilf_status ilf_check_plane(ilf_frame *frame, const double origin[3], const doubl
                            const char *path, ilf_error *err);
 int ilf_is_full_sphere(double polar_max);
 
-/* The names of OpenEXR's compressions, by exr_compression_t; NULL-terminated. */
-extern const char *const ilf_compression_names[];
-
 /* Decode tile (i, j) of a DWA-compressed file to halves in our layout (ilf_dwa.c). */
 ilf_status ilf_decode_dwa(const ilf *field, int i, int j, unsigned char *pix, ilf_error *err);
+
+/* The words of ILF_ERR_CHANGED, which it returns. */
+ilf_status ilf_fail_changed(const ilf *field, ilf_error *err);
 
 /* Settle in which order texels lie in memory, and what that makes of lookups (ilf_layout.c). */
 void ilf_choose_layout(ilf *field);
@@ -93,7 +98,7 @@ void ilf_choose_layout(ilf *field);
 #define ILF_INTERLEAVED_CHANNEL "RGB"
 
 /* The tile of the first part that lies uncompressed `planar` bytes from the file's start: does pix hold the same texels
- * together, and put them there.  1 for yes, or done. */
+ * together (channels of one type), and put them there, in memory's type.  1 for yes, or done. */
 int ilf_same_texels(const ilf *field, const unsigned char *pix, uint64_t planar);
 int ilf_copy_texels(const ilf *field, unsigned char *pix, uint64_t planar);
 
@@ -111,7 +116,7 @@ static inline ilf_status ilf_need_probe(const ilf *f, int64_t k, ilf_error *err)
     return ilf_load_probe(f, k, err);
 }
 
-/* IEEE 754 binary16 -> binary32, exact, denormals included. */
+/* IEEE 754 binary16 -> binary32, exact, denormals included.  Infinity and NaN come out finite: probes are checked for them. */
 static inline float ilf_half_to_float(uint16_t h)
 {
     const uint32_t sign = (uint32_t)(h & 0x8000u) << 16;
@@ -123,6 +128,13 @@ static inline float ilf_half_to_float(uint16_t h)
     v.f *= 0x1p112f; /* the exponents' biases differ by 112 */
     v.u |= sign;
     return v.f;
+}
+
+/* The same for texels that are not checked yet: infinity and NaN stay what they are. */
+static inline float ilf_half_to_float_all(uint16_t h)
+{
+    if ((h & 0x7c00u) != 0x7c00u) return ilf_half_to_float(h);
+    return h & 0x3ffu ? NAN : h & 0x8000u ? -INFINITY : INFINITY;
 }
 
 /* Any byte alignment: tiles in a mapped file may begin anywhere. */

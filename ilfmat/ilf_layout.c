@@ -62,8 +62,7 @@ void ilf_choose_layout(ilf *f)
     f->info.interleaved = f->second_part > 0;
     const int planar = f->in_place && !f->second_part;
     f->pixel_bytes = planar ? f->texel_bytes : 3 * f->texel_bytes;
-    for (int c = 0; c < 3; c++)
-        f->chan_offset[c] = planar ? (size_t)f->chan_place[c] * (size_t)f->info.n_theta * f->texel_bytes : (size_t)c * f->texel_bytes;
+    for (int c = 0; c < 3; c++) f->chan_offset[c] = planar ? f->raw.start[c] : (size_t)c * f->texel_bytes;
 
     f->columns_per_radian = f->info.n_theta / (2 * ILF_PI);
     f->rows_per_radian = f->info.n_phi / f->info.polar_max;
@@ -84,7 +83,7 @@ static int same_row(unsigned char *row, const unsigned char *planar, const ilf *
     unsigned differ = 0;
 
     for (int c = 0; c < 3; c++) {
-        const unsigned char *p = planar + (size_t)f->chan_place[c] * n * size, *q = row + (size_t)c * size;
+        const unsigned char *p = planar + f->raw.start[c], *q = row + (size_t)c * size;
         if (size == 2)
             for (size_t x = 0; x < n; x++) {
                 uint16_t a, b;
@@ -108,8 +107,17 @@ static int copy_row(unsigned char *row, const unsigned char *planar, const ilf *
     const size_t n = (size_t)f->info.n_theta, size = f->texel_bytes;
 
     for (int c = 0; c < 3; c++) {
-        const unsigned char *p = planar + (size_t)f->chan_place[c] * n * size;
-        for (size_t x = 0; x < n; x++) memcpy(row + (3 * x + (size_t)c) * size, p + x * size, size);
+        const unsigned char *p = planar + f->raw.start[c];
+        unsigned char *q = row + (size_t)c * size;
+        if (f->raw.is_half[c] == f->is_half)
+            for (size_t x = 0; x < n; x++) memcpy(q + 3 * x * size, p + x * size, size);
+        else /* a half among floats */
+            for (size_t x = 0; x < n; x++) {
+                uint16_t h;
+                memcpy(&h, p + 2 * x, 2);
+                const float v = ilf_half_to_float_all(h);
+                memcpy(q + 3 * x * size, &v, size);
+            }
     }
     return 1;
 }
@@ -118,14 +126,14 @@ static int copy_row(unsigned char *row, const unsigned char *planar, const ilf *
 static int each_row(const ilf *f, unsigned char *pix, uint64_t planar, int (*row)(unsigned char *, const unsigned char *, const ilf *))
 {
     /* read, not mapped: the first part's pages are not to count as this process's memory */
-    const size_t rows = f->row_bytes < 1 << 16 ? (1 << 16) / f->row_bytes : 1, n_phi = (size_t)f->info.n_phi;
-    unsigned char *some = malloc(rows * f->row_bytes);
+    const size_t bytes = f->raw.bytes, rows = bytes < 1 << 16 ? (1 << 16) / bytes : 1, n_phi = (size_t)f->info.n_phi;
+    unsigned char *some = malloc(rows * bytes);
     int good = some != NULL;
 
     for (size_t y = 0; y < n_phi && good; y += rows) {
         const size_t n = n_phi - y < rows ? n_phi - y : rows;
-        good = exr_bytes_at(f->fd, some, n * f->row_bytes, planar + y * f->row_bytes) == 0;
-        for (size_t k = 0; k < n && good; k++) good = row(pix + (y + k) * f->row_bytes, some + k * f->row_bytes, f);
+        good = exr_bytes_at(f->fd, some, n * bytes, planar + y * bytes) == 0;
+        for (size_t k = 0; k < n && good; k++) good = row(pix + (y + k) * f->row_bytes, some + k * bytes, f);
     }
     free(some);
     return good;

@@ -65,7 +65,8 @@ static int valid_rows(const ilf *f)
     return rows < 1 ? 1 : rows > f->info.n_phi ? f->info.n_phi : rows;
 }
 
-/* Mean luminance over the hemisphere of a few probes spread over the grid (a threshold needs no more). */
+/* Mean over the hemisphere of what a few probes spread over the grid (a threshold needs no more) have of luminance above 0:
+ * texels below it, where a background was subtracted too far, say nothing of where the bright ones begin. */
 static ilf_status mean_luminance(double *mean, const ilf *f, ilf_error *err)
 {
     const int most = 6, rows = valid_rows(f), n_u = f->info.n_u, n_v = f->info.n_v;
@@ -84,7 +85,7 @@ static ilf_status mean_luminance(double *mean, const ilf *f, ilf_error *err)
                 const double step = f->info.polar_max / f->info.n_phi;
                 const double w = cos(y * step) - cos((y + 1) * step);
                 double row = 0;
-                for (int x = 0; x < f->info.n_theta; x++) row += texel_luminance(f, pix + (size_t)y * f->row_bytes, x);
+                for (int x = 0; x < f->info.n_theta; x++) row += fmax(texel_luminance(f, pix + (size_t)y * f->row_bytes, x), 0);
                 sum += w * row / f->info.n_theta;
                 omega += w;
             }
@@ -364,7 +365,7 @@ ilf_status ilf_find_patches(ilf_sampler *s, ilf_error *err)
     if (s->threshold <= 0) {
         double mean = 0;
         st = mean_luminance(&mean, f, err);
-        s->threshold = 3 * mean;
+        s->threshold = 3 * mean; /* 0 where these probes have no light: then all that others have is excess */
     }
     for (int again = 1; again && st == ILF_OK; size *= 2) { /* coarser, until there are few enough */
         again = 0;

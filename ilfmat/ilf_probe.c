@@ -78,8 +78,14 @@ ilf_status ilf_check_unchanged(const ilf *f, ilf_error *err)
     if (fstat(f->fd, &st) != 0) return ilf_fail(err, ILF_ERR_IO, "%s: %s", f->path, strerror(errno));
     if (st.st_size != f->st.st_size || st.st_mtim.tv_sec != f->st.st_mtim.tv_sec ||
         st.st_mtim.tv_nsec != f->st.st_mtim.tv_nsec)
-        return ilf_fail(err, ILF_ERR_CHANGED, "%s: expected the file as it was opened, found it changed", f->path);
+        return ilf_fail_changed(f, err);
     return ILF_OK;
+}
+
+ilf_status ilf_fail_changed(const ilf *f, ilf_error *err)
+{
+    return ilf_fail(err, ILF_ERR_CHANGED, "%s: expected the file as it was opened, found it changed (replace a light field in use by "
+                    "renaming a new one to its name)", f->path);
 }
 
 /* Where part's tile (i, j) is; fails in one line if it is not inside the file. */
@@ -96,10 +102,12 @@ static ilf_status find_tile(ilf *f, int part, int i, int j, exr_chunk_info_t *ch
     return ILF_OK;
 }
 
-/* Not compressed, be it that compression did not make it smaller. */
+/* Not compressed, be it that compression did not make it smaller: of which OpenEXR's core library knows nothing for B44 (3.1). */
 static int is_raw(const ilf *f, const exr_chunk_info_t *chunk)
 {
-    return f->uniform && chunk->packed_size == f->probe_bytes && chunk->unpacked_size == f->probe_bytes;
+    const size_t bytes = f->raw.bytes * (size_t)f->info.n_phi;
+
+    return chunk->packed_size == bytes && chunk->unpacked_size == bytes;
 }
 
 /* Decode a tile of the first part into memory of its own. */
@@ -210,7 +218,8 @@ ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix
 void ilf_unpeek_probe(const ilf *f, const unsigned char *pix, void *own)
 {
     free(own);
-    if (own || !f->map) return;
+    /* decoded texels that a lookup keeps are memory that nothing else holds: to give them back would be to lose them */
+    if (own || !f->map || pix < f->map || pix >= f->map + f->info.file_bytes) return;
     /* a look through the whole file should not stay in memory: give back the pages that are the probe's alone */
     const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
     const uintptr_t from = ((uintptr_t)pix + page - 1) & ~(page - 1), to = ((uintptr_t)pix + f->probe_bytes) & ~(page - 1);

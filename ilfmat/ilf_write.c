@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include "exr_header.h"
+#include "exr_compression.h"
 #include "exr_whole.h"
 #include "ilf_internal.h"
 
@@ -71,16 +71,16 @@ static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compressio
     if (w > INT32_MAX / 2 || h > INT32_MAX / 2 || (int64_t)s->n_theta * s->n_phi > ILF_MAX_PROBE_BYTES / 12)
         return ilf_fail(err, ILF_ERR_ARG, "%s: %dx%d probes of %dx%d texels are more than a file can hold", path, s->n_u,
                         s->n_v, s->n_theta, s->n_phi);
-    while (ilf_compression_names[k] && strcmp(ilf_compression_names[k], name) != 0) k++;
-    if (!ilf_compression_names[k])
+    while (k < EXR_COMPRESSIONS && strcmp(exr_compression_words[k].name, name) != 0) k++;
+    if (k == EXR_COMPRESSIONS)
         return ilf_fail(err, ILF_ERR_ARG, "%s: compression: expected none, rle, zips, zip, piz, pxr24, b44 or b44a, "
                         "found %s", path, name);
     *compression = (exr_compression_t)k;
     if (s->interleave && *compression != EXR_COMPRESSION_NONE)
         return ilf_fail(err, ILF_ERR_ARG, "%s: compression: expected none for a file that holds its texels interleaved too, found %s",
                         path, name);
-    if (*compression == EXR_COMPRESSION_DWAA || *compression == EXR_COMPRESSION_DWAB)
-        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: %s can be read but not written; expected another", path, name);
+    if (*compression > EXR_COMPRESSION_B44A)
+        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: %s is not written; expected another", path, name);
     ilf_status st = ilf_check_polar(s->polar_max, s->polar_valid > 0 ? s->polar_valid : s->polar_max, path, err);
     if (st == ILF_OK) st = ilf_check_plane(&frame, s->origin, s->U, s->V, path, err);
     for (int c = 0; c < 3 && st == ILF_OK; c++)

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "cli.h"
+#include "field_guard.h"
 #include "ilf.h"
 #include "image.h"
 
@@ -149,6 +150,7 @@ static void print_values(const range *r, const ilf *field)
     static const char names[] = "RGB";
     const ilf_info *in = ilf_get_info(field);
     const double omega = 2 * PI * (1 - cos(in->polar_max)) * in->n_u * in->n_v;
+    const int64_t all = (int64_t)3 * in->n_theta * in->n_phi * in->n_u * in->n_v;
     ilf_usage use;
 
     for (int c = 0; c < 3; c++)
@@ -157,7 +159,9 @@ static void print_values(const range *r, const ilf *field)
     printf("brightest     probe (%d,%d), theta %.4g, phi %.4g degrees: %.6g cd/m^2\n", r->peak_i, r->peak_j,
            (r->peak_x + 0.5) * 360 / in->n_theta - 180, (r->peak_y + 0.5) * in->polar_max * 180 / PI / in->n_phi,
            179 * r->peak);
-    if (r->negative) printf("negative      %lld values\n", (long long)r->negative);
+    if (r->negative)
+        printf("negative      %lld of %lld values (%.2g %%), down to %.6g\n", (long long)r->negative, (long long)all,
+               100 * (double)r->negative / (double)all, fmin(fmin(r->min[0], r->min[1]), r->min[2]));
     ilf_get_usage(&use, field);
     printf("read          %lld of %lld probes, %.1f MB in place, %.1f MB decoded\n", (long long)use.probes,
            (long long)in->n_u * in->n_v, (double)use.mapped_bytes * 1e-6, (double)use.decoded_bytes * 1e-6);
@@ -177,6 +181,7 @@ int main(int argc, char **argv)
     if (montage_size < 1 || montage_size > 16384) cli_fail(CLI_USAGE, "--size: expected 1 to 16384 pixels, found %d", montage_size);
     if (montage && header_only) cli_fail(CLI_USAGE, "--header reads no probe, --montage needs them all");
     if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
+    field_guard_begin(field, prog.name);
     const ilf_info *in = ilf_get_info(field);
     print_header(argv[1], field);
     if (header_only) {
@@ -201,6 +206,7 @@ int main(int argc, char **argv)
             cli_progress("reading probes", (double)j * in->n_u + i + 1, (double)in->n_u * in->n_v);
         }
     free(rgb);
+    if (ilf_check_unchanged(field, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     print_values(&r, field);
     if (montage) write_montage(&im);
     ilf_close(field);

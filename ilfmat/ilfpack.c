@@ -218,6 +218,24 @@ static void say_unseen(const unseen *u, double polar_max, double valid, int n)
                  fill_holes ? "filled from around them" : "black in the light field (--fill-holes)");
 }
 
+/* Values below 0 are kept (see ilf.h): say how many there are, and how far below. */
+static struct {
+    int64_t n, all;
+    double least;
+} below_zero;
+
+static void look_below_zero(const probe *p)
+{
+    const size_t n = (size_t)p->w * (size_t)p->h * 3;
+
+    below_zero.all += (int64_t)n;
+    for (size_t k = 0; k < n; k++)
+        if (p->rgb[k] < 0) {
+            below_zero.n++;
+            below_zero.least = fmin(below_zero.least, (double)p->rgb[k]);
+        }
+}
+
 /* The header holds floats: say so where that moves a probe by more than a thousandth of the pitch. */
 static void check_rounding(void)
 {
@@ -336,11 +354,15 @@ int main(int argc, char **argv)
             cli_fail(CLI_FAILED, "%s: expected %dx%d pixels as the first probe has, found %dx%d", path,
                      spec.n_theta, spec.n_phi, p.w, p.h);
         if (ilf_writer_probe(w, p.rgb, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s (from %s)", err.text, path);
+        look_below_zero(&p);
         probe_free(&p);
         cli_progress("packing", k + 1, n);
     }
     if (ilf_writer_close(w, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     if (out_commit(out, &words) != 0) cli_fail(CLI_FAILED, "%s", words.text);
+    if (below_zero.n)
+        cli_note("%s: %lld of %lld values are below 0, down to %.3g: kept, and looked up as they are", target, (long long)below_zero.n,
+                 (long long)below_zero.all, below_zero.least);
     free(line);
     return cli_end(CLI_OK);
 }

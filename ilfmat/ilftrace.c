@@ -12,6 +12,7 @@
 #include <string.h>
 
 #include "cli.h"
+#include "field_guard.h"
 #include "ilf.h"
 
 static int no_depth, report;
@@ -74,6 +75,7 @@ int main(int argc, char **argv)
 
     if (n != 1) cli_fail(CLI_USAGE, "expected one light field, found %d; try 'ilftrace --help'", n);
     if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
+    field_guard_begin(field, prog.name);
     set_frame(&frame, field);
 
     while (errno = 0, getline(&line, &room, stdin) > 0) {
@@ -92,8 +94,8 @@ int main(int argc, char **argv)
             if (!isfinite(ray[k]))
                 cli_fail(CLI_FAILED, "standard input, line %ld: expected finite numbers, found %g", number, ray[k]);
         const int at_infinity = isinf(ray[6]) && isinf(ray[7]) && isinf(ray[8]);
-        if (ilf_eval(rgb, field, &frame, ray, ray + 3, at_infinity ? NULL : ray + 6, no_depth ? ILF_NO_DEPTH : ILF_DEPTH,
-                     &err) != ILF_OK) {
+        if (ilf_check_unchanged(field, &err) != ILF_OK || ilf_eval(rgb, field, &frame, ray, ray + 3, at_infinity ? NULL : ray + 6,
+                                                                   no_depth ? ILF_NO_DEPTH : ILF_DEPTH, &err) != ILF_OK) {
             fflush(stdout);
             if (err.status == ILF_ERR_ARG) cli_fail(CLI_FAILED, "standard input, line %ld: %s", number, err.text);
             cli_fail(CLI_FAILED, "%s", err.text);

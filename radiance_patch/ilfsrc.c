@@ -469,7 +469,9 @@ sampleilf(			/* add light field's excess */
 		rayvalue(&sr);
 		ntraced++;
 		past.tests += k;
-		if (bright(sr.rcol) > 0.0) {
+		if ((colval(sr.rcol,RED) != 0.0) |	/* a channel of it */
+				(colval(sr.rcol,GRN) != 0.0) |	/* may be < 0 */
+				(colval(sr.rcol,BLU) != 0.0)) {
 			multcolor(sr.rcol, sr.rcoef);
 			addcolor(r->rcol, sr.rcol);
 			past.visible += k;

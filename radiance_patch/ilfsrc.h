@@ -18,6 +18,7 @@ typedef struct ilffile {
 	char  *path;			/* file path as found */
 	ilf  *field;			/* open light field */
 	int  nused;			/* number of materials using it */
+	long  tick;			/* clock when last found unchanged */
 	struct ilffile  *next;
 }  ILFFILE;			/* an open file, shared by materials */
 

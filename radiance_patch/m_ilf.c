@@ -4,6 +4,8 @@
 
 #include "copyright.h"
 
+#include  <signal.h>
+#include  <time.h>
 #include  <unistd.h>
 
 #include  "ray.h"
@@ -46,6 +48,10 @@ int  ilfsamp = 16;			/* samples per point */
 
 static ILFFILE  *ilflist = NULL;	/* open files */
 
+static struct sigaction  oldfault;	/* who had SIGBUS before us */
+
+extern char  *progname;
+
 
 void
 ilferror(			/* report libilf's error for a material */
@@ -59,18 +65,83 @@ ilferror(			/* report libilf's error for a material */
 
 
 static void
-ilfcheck(void)			/* were files left as they were till the end? */
+checkfile(			/* was file left as it was? */
+	ILFFILE  *fp
+)
 {
 	ilf_error  err;
+
+	if (ilf_check_unchanged(fp->field, &err) == ILF_OK)
+		return;
+	eputs(err.text);
+	eputs("\n");
+	fflush(NULL);
+	_exit(1);			/* what we computed is a mixture */
+}
+
+
+static void
+watchfile(			/* the same, as often as the clock ticks */
+	ILFFILE  *fp
+)
+{
+	struct timespec  now;
+
+	if (clock_gettime(CLOCK_MONOTONIC_COARSE, &now) < 0 ||
+			now.tv_nsec == fp->tick)
+		return;
+	fp->tick = now.tv_nsec;
+	checkfile(fp);
+}
+
+
+static void
+ilfcheck(void)			/* were files left as they were till the end? */
+{
 	ILFFILE  *fp;
 
 	for (fp = ilflist; fp != NULL; fp = fp->next)
-		if (ilf_check_unchanged(fp->field, &err) != ILF_OK) {
-			eputs(err.text);
-			eputs("\n");
-			fflush(NULL);
-			_exit(1);	/* what we computed is a mixture */
-		}
+		checkfile(fp);
+}
+
+
+static void
+onfault(			/* a file was cut short while we used it */
+	int  signo,
+	siginfo_t  *info,
+	void  *context
+)
+{
+	const char  *words = NULL, *part[4], *cp;
+	char  line[1024];
+	ILFFILE  *fp;
+	int  i, n = 0;
+
+	for (fp = ilflist; (fp != NULL) & (words == NULL); fp = fp->next)
+		words = ilf_fault(fp->field, info->si_addr);
+	if (words == NULL) {		/* not ours:  do it again, as it was */
+		sigaction(signo, &oldfault, NULL);
+		return;
+	}
+	part[0] = progname; part[1] = ": fatal - "; part[2] = words;
+	part[3] = "\n";
+	for (i = 0; i < 4; i++)		/* no stdio in a signal handler */
+		for (cp = part[i]; *cp && n < sizeof(line); cp++)
+			line[n++] = *cp;
+	i = write(2, line, n);
+	_exit(1);
+}
+
+
+static void
+catchfault(void)		/* see to signals from mapped files */
+{
+	struct sigaction  act;
+
+	memset(&act, 0, sizeof(act));
+	act.sa_sigaction = onfault;
+	act.sa_flags = SA_SIGINFO;
+	sigaction(SIGBUS, &act, &oldfault);
 }
 
 
@@ -79,6 +150,7 @@ openilf(			/* get light field file for material */
 	OBJREC  *m
 )
 {
+	static int  caught = 0;
 	char  *path = getpath(m->oargs.sarg[0], getrlibpath(), R_OK);
 	ilf_error  err;
 	ILFFILE  *fp;
@@ -98,10 +170,13 @@ openilf(			/* get light field file for material */
 		goto memerr;
 	if (ilf_open(&fp->field, path, &err) != ILF_OK)
 		ilferror(m, &err);
-	if (ilflist == NULL)
+	if (!caught++) {
 		atexit(ilfcheck);
+		catchfault();
+	}
 	fp->path = savqstr(path);
 	fp->nused = 1;
+	fp->tick = -1;
 	fp->next = ilflist;
 	return(ilflist = fp);
 memerr:
@@ -174,6 +249,7 @@ freeilf(			/* free material's light field */
 		for (fpp = &ilflist; *fpp != NULL; fpp = &(*fpp)->next)
 			if (*fpp == ip->file) {
 				*fpp = ip->file->next;
+				checkfile(ip->file);
 				ilf_close(ip->file->field);
 				freeqstr(ip->file->path);
 				free((void *)ip->file);
@@ -229,6 +305,7 @@ m_ilf(				/* ray met auxiliary geometry */
 	}
 	if (r->ro->otype == OBJ_SOURCE)
 		hit = NULL;		/* infinitely far away */
+	watchfile(ip->file);
 	if (ilf_eval(rgb, ip->file->field, &ip->frame, org, dir, hit,
 			ip->mode, &err) != ILF_OK)
 		ilferror(m, &err);
