@@ -173,14 +173,17 @@ bench: bench-hdrgen bench-fishremap bench-render
 #? bench         all benchmarks (bench-hdrgen, bench-fishremap, bench-render)
 
 # ---- the rest --------------------------------------------------------------------------------------
+# Ours in front of what the shell has.  Where it has no RAYPATH, Radiance's programs would look in their default folder,
+# so that stays; an empty part at the end of MANPATH stands for the system's pages.
+quoted = "$(subst ",\",$(subst $$,\$$,$(subst `,\`,$(1))))"
 env:
-	@echo 'export PATH=$(TOP)/$(B)/bin:$$PATH RAYPATH=.:$(TOP)/$(B0)/lib MANPATH=$(TOP)/$(B0)/man:'
+	@echo 'export PATH=$(call quoted,$(TOP)/$(B)/bin)$(if $(SAN),:$(call quoted,$(TOP)/$(B0)/bin)):"$$PATH" RAYPATH=.:$(call quoted,$(TOP)/$(B0)/lib):"$${RAYPATH:-/usr/local/lib/ray}" MANPATH=$(call quoted,$(TOP)/$(B0)/man):"$${MANPATH-}"'
 
 clean:
 	rm -rf $(B0)
 
 install: all
-	sh setup/install.sh $(B) $(B0) "$(DESTDIR)$(PREFIX)" "$(PREFIX)" "$(PROGRAM_PREFIX)" "$(VERSION)" $(ILF_PROGRAMS) $(TOOL_PROGRAMS) -- $(RAD_PROGRAMS)
+	@sh setup/install.sh $(B) $(B0) "$(DESTDIR)" "$(PREFIX)" "$(PROGRAM_PREFIX)" "$(VERSION)" $(ILF_PROGRAMS) $(TOOL_PROGRAMS) -- $(RAD_PROGRAMS) $(RAD_EXTRA)
 
 #? all           every program, Radiance with the material, man pages (the default)
 #? radiance      Radiance's programs with the material ilf (needs no OpenCV)

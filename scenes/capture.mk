@@ -26,7 +26,7 @@ $(error expected CAPTURE=SESSION.conf, a session file$(if $(CAPTURE),: $(CAPTURE
 endif
 
 export PATH    := $(BIN):$(PATH)
-export RAYPATH := .:$(dir $(SESSION)):$(abspath $(BUILD))/lib:$(ROOT)/build/lib
+export RAYPATH := .:$(dir $(SESSION)):$(abspath $(BUILD))/lib:$(ROOT)/build/lib:$(or $(RAYPATH),/usr/local/lib/ray)
 
 get = $(shell $(BIN)/stagectl get $(SESSION) $(1))
 TIMES := $(shell $(BIN)/stagectl list $(SESSION))

@@ -117,10 +117,9 @@ static const cli_prog prog = {
     .opts = opts,
     .epilog = "The camera looks along U x V with +V up in the picture, so +U is to the left."};
 
-/* rtrace of the same installation, and its function files unless the user has chosen others. */
+/* rtrace of the same installation; it finds its function files by itself. */
 static void find_rtrace(char path[PATH_MAX])
 {
-    char lib[PATH_MAX + 16];
     ssize_t n = readlink("/proc/self/exe", path, PATH_MAX - 8);
     char *slash = NULL;
     if (n > 0) {
@@ -128,13 +127,8 @@ static void find_rtrace(char path[PATH_MAX])
         slash = strrchr(path, '/');
     }
     if (slash) {
-        *slash = 0;
-        snprintf(lib, sizeof lib, ".:%s/../lib", path);
         strcpy(slash, "/rtrace");
-        if (access(path, X_OK) == 0) {
-            setenv("RAYPATH", lib, 0);
-            return;
-        }
+        if (access(path, X_OK) == 0) return;
     }
     strcpy(path, "rtrace");
 }
