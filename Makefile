@@ -31,12 +31,21 @@ OPT        ?= -O2 -g
 # warnings are errors where we look at them, not on a user's machine with another compiler
 WERROR     := $(if $(CI),-Werror)
 WARN       := -Wall -Wextra -Wshadow -Wconversion $(WERROR)
+OPENMP     := -fopenmp
+# clang has OpenMP in a package of its own (libomp-dev), and warns where our enum constants, whole numbers, meet doubles
+ifneq ($(findstring clang,$(CC)),)
+WARN       += -Wno-enum-float-conversion
+OPENMP     := $(shell printf '\043include <omp.h>\nint main(void) { return omp_get_max_threads() < 1; }\n' | $(CC) -fopenmp -x c -o /dev/null - 2>/dev/null && echo -fopenmp)
+ifeq ($(OPENMP),)
+$(warning $(CC) finds no OpenMP (package libomp-dev): our programs will use one thread)
+endif
+endif
 , := ,
 SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
 CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
-CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) -fopenmp -MMD -MP
+CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) $(OPENMP) -MMD -MP
 CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow $(WERROR) $(SANFLAGS) -MMD -MP
-LDFLAGS    += $(SANFLAGS) -fopenmp -Wl,--as-needed
+LDFLAGS    += $(SANFLAGS) $(OPENMP) -Wl,--as-needed
 LIBS_ILF   := -lOpenEXRCore -lOpenEXR -lpthread -lm
 LIBS_IMAGE := -lOpenEXRCore -lOpenEXR -lImath -lIex -lpng -ljpeg -ltiff -lraw_r -lz -lstdc++ -lpthread -lm
 LIBS_VISION := -lopencv_video -lopencv_imgproc -lopencv_core
@@ -195,7 +204,7 @@ install: all
 #? clean         remove build/
 #? NAME          one program: rpict, hdrgen, ilfpack ...
 #?
-#? SAN=1 builds ours with ASan and UBSan in build/san; CC=clang; V=1 shows commands; RADIANCE_SRC=DIR builds
+#? SAN=1 builds ours with ASan and UBSan in build/san; CC=clang CXX=clang++ (libomp-dev); V=1 shows commands; RADIANCE_SRC=DIR builds
 #? from a Radiance 5.4a source tree of your own.
 help:
 	@echo "make TARGET"; sed -n 's/^#? \{0,1\}/  /p' $(MAKEFILE_LIST)

@@ -14,7 +14,7 @@
 
 #define PI 3.14159265358979323846
 
-static int n_u, n_v, interleave;
+static int n_u, n_v, interleave, dry_run;
 static double plane[9], polar_max_deg, polar_valid_deg;
 static const char *plane_text, *type_name = "half", *compression = "none", *target;
 
@@ -37,6 +37,7 @@ static const cli_opt options[] = {
      "polar angle at the probes' lower edge (default: as the first probe's\nilf:polarMax says, else 90)"},
     {"polar-valid", 0, CLI_DOUBLE, &polar_valid_deg, NULL, "DEG",
      "angle beyond which the probes are not to be used (default: as the\nfirst probe's ilf:polarValid says)"},
+    {"dry-run", 0, CLI_FLAG, &dry_run, NULL, NULL, "check the options; read no probe, write nothing"},
     {"output", 'o', CLI_STRING, &target, NULL, "OUT.ilf.exr", "file to write"},
     {0}};
 
@@ -111,6 +112,16 @@ static void load_probe(img *im, const char *path)
     *im = rgb;
 }
 
+/* Does a probe hold more than a half can? */
+static int beyond_half(const img *im)
+{
+    const size_t n = (size_t)im->info.width * (size_t)im->info.height * (size_t)im->info.channels;
+
+    for (size_t k = 0; k < n; k++)
+        if (fabsf(im->pix[k]) > 65504.f && isfinite(im->pix[k])) return 1;
+    return 0;
+}
+
 /* The header holds floats: say so where that moves a probe by more than a thousandth of the pitch. */
 static void check_rounding(void)
 {
@@ -144,7 +155,7 @@ static void check_usage(int operands)
     if (!target) cli_fail(CLI_USAGE, "expected -o OUT.ilf.exr");
     if (strcmp(type_name, "half") != 0 && strcmp(type_name, "float") != 0)
         cli_fail(CLI_USAGE, "--type: expected half or float, found %s", type_name);
-    if ((int64_t)n_u * n_v != operands)
+    if (!dry_run && (int64_t)n_u * n_v != operands)
         cli_fail(CLI_USAGE, "expected %lld probes (%dx%d), found %d", (long long)n_u * n_v, n_u, n_v, operands);
     check_rounding();
 }
@@ -159,7 +170,7 @@ int main(int argc, char **argv)
     errmsg words;
 
     check_usage(n);
-    const probe_facts facts = read_facts(argv[1]);
+    const probe_facts facts = dry_run ? (probe_facts){0} : read_facts(argv[1]);
     ilf_spec spec = {.n_u = n_u, .n_v = n_v, .compression = compression, .interleave = interleave, .comments = line, .name = target};
     spec.type = strcmp(type_name, "half") == 0 ? ILF_HALF : ILF_FLOAT;
     memcpy(spec.origin, plane, sizeof spec.origin);
@@ -170,6 +181,11 @@ int main(int argc, char **argv)
     spec.white_luminance = facts.white_luminance;
     if (facts.owner[0]) spec.owner = facts.owner;
     if (facts.cap_date[0]) spec.cap_date = facts.cap_date;
+    if (dry_run) {
+        spec.n_theta = 64, spec.n_phi = 32; /* probes of any size will do */
+        if (ilf_spec_check(&spec, &err) != ILF_OK) cli_fail(CLI_USAGE, "%s", err.text);
+        return cli_end(CLI_OK);
+    }
 
     for (int k = 0; k < n; k++) {
         const char *path = argv[1 + k];
@@ -185,7 +201,8 @@ int main(int argc, char **argv)
         if (im.info.width != spec.n_theta || im.info.height != spec.n_phi)
             cli_fail(CLI_FAILED, "%s: expected %dx%d pixels as the first probe has, found %dx%d", path, spec.n_theta,
                      spec.n_phi, im.info.width, im.info.height);
-        if (ilf_writer_probe(w, im.pix, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s (from %s)", err.text, path);
+        if (ilf_writer_probe(w, im.pix, &err) != ILF_OK)
+            cli_fail(CLI_FAILED, "%s (from %s)%s", err.text, path, spec.type == ILF_HALF && beyond_half(&im) ? "; --type float holds it" : "");
         img_free(&im);
         cli_progress("packing", k + 1, n);
     }

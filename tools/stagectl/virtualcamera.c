@@ -10,6 +10,7 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "ambientfile.h"
 #include "argwords.h"
 #include "cli.h"
 #include "curvefile.h"
@@ -186,6 +187,9 @@ static void see(float *radiance, const fisheye *f, const camera_frame *c, const 
         if (found < 0) cli_fail(CLI_FAILED, "%s", e.text);
         if (found) return;
     }
+    char remark[512];
+    if (ambient_settle(remark, s->options, s->octree, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
+    if (remark[0]) cli_warn("%s", remark);
     if (view_render(radiance, f, c, s, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
     if (o.cache && view_store(radiance, f->size, o.cache, key, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
 }
