@@ -71,7 +71,7 @@ int cli_end(int code);
  * unit; done == total ends the line.  Cheap enough for every row. */
 void cli_progress(const char *what, double done, double total);
 
-/* Command line as one string for a picture's header: quoted where needed.  malloc'd. */
+/* Command line as one string for a picture's header: quoted where needed.  malloc'd, never NULL.  main() only. */
 char *cli_command_line(const cli_prog *prog, int argc, char *const *argv);
 
 /* Parsers of common values, usable from cli_call_fn: whole string or failure. */

@@ -196,7 +196,7 @@ int main(int argc, char **argv)
             spec.n_theta = im.info.width, spec.n_phi = im.info.height;
             if (out_begin(&out, target, &words) != 0) cli_fail(CLI_FAILED, "%s", words.text);
             if (ilf_writer_open(&w, out_path(out), &spec, &err) != ILF_OK)
-                cli_fail(err.status == ILF_ERR_IO ? CLI_FAILED : CLI_USAGE, "%s", err.text);
+                cli_fail(err.status == ILF_ERR_ARG ? CLI_USAGE : CLI_FAILED, "%s", err.text);
         }
         if (im.info.width != spec.n_theta || im.info.height != spec.n_phi)
             cli_fail(CLI_FAILED, "%s: expected %dx%d pixels as the first probe has, found %dx%d", path, spec.n_theta,
