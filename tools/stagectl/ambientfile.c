@@ -31,7 +31,8 @@ static int of_another(const char *ambient, const char *octree, int known, const 
     struct stat a, o;
     if (known) return strcmp(then, now) != 0;
     return stat(ambient, &a) == 0 && stat(octree, &o) == 0 &&
-           (o.st_mtim.tv_sec > a.st_mtim.tv_sec || (o.st_mtim.tv_sec == a.st_mtim.tv_sec && o.st_mtim.tv_nsec > a.st_mtim.tv_nsec));
+           (o.st_mtim.tv_sec > a.st_mtim.tv_sec ||
+            (o.st_mtim.tv_sec == a.st_mtim.tv_sec && o.st_mtim.tv_nsec > a.st_mtim.tv_nsec));
 }
 
 int ambient_settle(char remark[512], const argwords *options, const char *octree, errmsg *e)

@@ -59,7 +59,8 @@ const char *option_value(const argwords *words, const char *name, char letter)
 void camera_lens(const char **lens, double *fov, const session *s, const argwords *words)
 {
     int ours = camera_is_virtual(words);
-    const char *l = ours ? option_value(words, "lens", 0) : NULL, *f = ours ? option_value(words, "fov", 0) : NULL;
+    const char *l = ours ? option_value(words, "lens", 0) : NULL,
+               *f = ours ? option_value(words, "fov", 0) : NULL;
     *lens = s->lens[0] ? s->lens : l ? l : camera_default_lens;
     *fov = s->fov > 0 ? s->fov : camera_default_fov;
     if (!(s->fov > 0) && f) (void)cli_parse_double(fov, f, NULL);
@@ -101,7 +102,8 @@ int session_fill(char out[FILLED_ROOM], const session *s, const char *text, errm
                 used = strlen(vars[k][0]);
             }
         if (n + strlen(put) >= FILLED_ROOM)
-            bad = err_set(e, "'%.60s...': expected at most %d characters once filled in", text, FILLED_ROOM - 1);
+            bad = err_set(e, "'%.60s...': expected at most %d characters once filled in", text,
+                          FILLED_ROOM - 1);
         else {
             strcpy(out + n, put);
             n += strlen(put);
@@ -123,8 +125,10 @@ int session_fishremap(char out[FILLED_ROOM], const session *s, errmsg *e)
     int file = lens && strpbrk(lens, "./"); /* it knows its own field of view */
     int add_lens = fisheye && !lens, add_fov = fisheye && !file && !option_value(&given, "fov", 'f');
     argwords_free(&given);
-    int n = snprintf(text, sizeof text, "%s%s%s", s->fishremap, add_lens ? " --lens {lens}" : "", add_fov ? " --fov {fov}" : "");
-    if (n < 0 || n >= FILLED_ROOM) return err_set(e, "[chain] fishremap: expected at most %d characters", FILLED_ROOM - 1);
+    int n = snprintf(text, sizeof text, "%s%s%s", s->fishremap, add_lens ? " --lens {lens}" : "",
+                     add_fov ? " --fov {fov}" : "");
+    if (n < 0 || n >= FILLED_ROOM)
+        return err_set(e, "[chain] fishremap: expected at most %d characters", FILLED_ROOM - 1);
     return session_fill(out, s, text, e);
 }
 
@@ -140,17 +144,25 @@ static int plane_agrees(const session *s, const argwords *words, errmsg *e)
     if (off <= 1e-6 * most) return 0;
     char text[256];
     plane_text(text, s->plane);
-    return err_set(e, "[camera] command: expected --plane \"%s\" as [grid] says, found '%s' (\"{plane}\" stands for it)", text, given);
+    return err_set(
+        e, "[camera] command: expected --plane \"%s\" as [grid] says, found '%s' (\"{plane}\" stands for it)",
+        text, given);
 }
 
 /* What one place says of the lens against what another does; NULL and 0 = nothing. */
-static int lens_agrees(const char *where, const char *lens, const char *fov, const char *is_lens, double is_fov, errmsg *e)
+static int lens_agrees(const char *where, const char *lens, const char *fov, const char *is_lens,
+                       double is_fov, errmsg *e)
 {
     double degrees;
     if (lens && !strpbrk(lens, "./") && !strpbrk(is_lens, "./") && strcmp(lens, is_lens) != 0)
-        return err_set(e, "%s: expected lens %s as the camera's, found %s ({lens} stands for it)", where, is_lens, lens);
-    if (!fov || (lens && strpbrk(lens, "./")) || cli_parse_double(&degrees, fov, NULL) != 0 || fabs(degrees - is_fov) <= 1e-6) return 0;
-    return err_set(e, "%s: expected a field of view of %.10g degrees as the camera's, found %s ({fov} stands for it)", where, is_fov, fov);
+        return err_set(e, "%s: expected lens %s as the camera's, found %s ({lens} stands for it)", where,
+                       is_lens, lens);
+    if (!fov || (lens && strpbrk(lens, "./")) || cli_parse_double(&degrees, fov, NULL) != 0 ||
+        fabs(degrees - is_fov) <= 1e-6)
+        return 0;
+    return err_set(
+        e, "%s: expected a field of view of %.10g degrees as the camera's, found %s ({fov} stands for it)",
+        where, is_fov, fov);
 }
 
 int camera_agrees(const session *s, errmsg *e)
@@ -174,8 +186,10 @@ int camera_agrees(const session *s, errmsg *e)
     const char *from = bad ? NULL : option_value(&remap, "from", 0);
     int known = ours || s->lens[0] || s->fov > 0, fisheye = !from || !strcmp(from, "fisheye");
     if (!bad && known && fisheye) {
-        const char *is = ours || s->lens[0] ? lens : NULL, *l = option_value(&remap, "lens", 'l'), *f = option_value(&remap, "fov", 'f');
-        bad = lens_agrees("[chain] fishremap", is ? l : NULL, ours || s->fov > 0 ? f : NULL, is ? is : "", fov, e);
+        const char *is = ours || s->lens[0] ? lens : NULL, *l = option_value(&remap, "lens", 'l'),
+                   *f = option_value(&remap, "fov", 'f');
+        bad = lens_agrees("[chain] fishremap", is ? l : NULL, ours || s->fov > 0 ? f : NULL, is ? is : "",
+                          fov, e);
     }
     argwords_free(&remap);
     argwords_free(&words);

@@ -1,8 +1,10 @@
 /*
- * camerawords.h - what a session can tell of its camera: the options in a virtualcamera's command, lens and field of view.
+ * camerawords.h - what a session can tell of its camera: the options in a virtualcamera's command, lens and
+ * field of view.
  *
- * Each fact has one source.  {plane}, {lens} and {fov} carry the session's into the command and into [chain]; where the
- * command of a virtualcamera or the options of fishremap say the same a second time, they have to agree.
+ * Each fact has one source.  {plane}, {lens} and {fov} carry the session's into the command and into [chain];
+ * where the command of a virtualcamera or the options of fishremap say the same a second time, they have to
+ * agree.
  */
 #ifndef CAMERAWORDS_H
 #define CAMERAWORDS_H
@@ -21,11 +23,12 @@ int camera_words(argwords *words, const session *s, errmsg *e);
 /* Does the command run virtualcamera (whatever its folder and PROGRAM_PREFIX)? */
 int camera_is_virtual(const argwords *words);
 
-/* Value of a long option, written --name VALUE or --name=VALUE or shortened, or of -l VALUE; NULL = not there. */
+/* Value of a long option, written --name VALUE or --name=VALUE or shortened, or of -l VALUE; NULL = not
+ * there. */
 const char *option_value(const argwords *words, const char *name, char letter);
 
-/* Lens and field of view (degrees): as [camera] says, else the virtual camera's, else equidistant, 185.  The lens points into
- * the words or the session. */
+/* Lens and field of view (degrees): as [camera] says, else the virtual camera's, else equidistant, 185.  The
+ * lens points into the words or the session. */
 void camera_lens(const char **lens, double *fov, const session *s, const argwords *words);
 
 /* text with {plane}, {lens} and {fov} filled in; other braces stay. */

@@ -36,12 +36,16 @@ static char *quoted(const char *s)
 }
 
 /* Its exit status, and the first line that it says. */
-static int ask(char line[512], const char *home, const char *program, const char *options, const char *rest, errmsg *e)
+static int ask(char line[512], const char *home, const char *program, const char *options, const char *rest,
+               errmsg *e)
 {
     char *at = quoted(home[0] ? home : "."), *run = quoted(program), *command = NULL;
     FILE *f = NULL;
     line[0] = 0;
-    if (at && run && asprintf(&command, "cd %s && exec %s %s --dry-run %s 2>&1 >/dev/null </dev/null", at, run, options, rest) < 0) command = NULL;
+    if (at && run &&
+        asprintf(&command, "cd %s && exec %s %s --dry-run %s 2>&1 >/dev/null </dev/null", at, run, options,
+                 rest) < 0)
+        command = NULL;
     if (command) f = popen(command, "r");
     free(at);
     free(run);
@@ -65,7 +69,8 @@ int chain_check(char words[256], const session *s, errmsg *e)
     plane_text(plane, s->plane);
     snprintf(rest[0], sizeof rest[0], "-o fisheye.exr picture");
     snprintf(rest[1], sizeof rest[1], "-o probe.exr fisheye.exr");
-    snprintf(rest[2], sizeof rest[2], "--grid %dx%d --plane '%s' -o room.ilf.exr probe.exr", s->nodes[0], s->nodes[1], plane);
+    snprintf(rest[2], sizeof rest[2], "--grid %dx%d --plane '%s' -o room.ilf.exr probe.exr", s->nodes[0],
+             s->nodes[1], plane);
     for (int k = 0; k < 3; k++) {
         if (!sibling(program, name[k])) {
             snprintf(words, 256, "options not checked: %s is not beside this program", name[k]);
@@ -73,7 +78,9 @@ int chain_check(char words[256], const session *s, errmsg *e)
         }
         int status = ask(line, s->home_folder, program, options[k], rest[k], e);
         if (status < 0) return -1;
-        if (status != 0) return err_set(e, "[chain] %s: %s", name[k], line[0] ? line : "its options are refused without words");
+        if (status != 0)
+            return err_set(e, "[chain] %s: %s", name[k],
+                           line[0] ? line : "its options are refused without words");
     }
     return 0;
 }

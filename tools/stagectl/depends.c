@@ -46,7 +46,8 @@ static int of_command(depends *d, const session *s, int must_exist, errmsg *e)
         const char *response = option_value(&words, "response", 0);
         if (octree) bad = add(d, octree, "", must_exist, e);
         if (!bad && falloff) bad = add(d, falloff, "", must_exist, e);
-        if (!bad && response && access(response, F_OK) == 0) bad = add(d, response, "", must_exist, e); /* or a curve's name */
+        if (!bad && response && access(response, F_OK) == 0)
+            bad = add(d, response, "", must_exist, e); /* or a curve's name */
     }
     argwords_free(&words);
     return bad;

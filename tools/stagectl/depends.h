@@ -1,8 +1,8 @@
 /*
  * depends.h - the files that decide what the camera sees, by their contents.
  *
- * A capture is of one room: where it is virtual, octree, falloff and response belong to the session as the grid does.
- * [camera] depends names them; "auto" takes them from a virtualcamera's command.
+ * A capture is of one room: where it is virtual, octree, falloff and response belong to the session as the
+ * grid does. [camera] depends names them; "auto" takes them from a virtualcamera's command.
  */
 #ifndef DEPENDS_H
 #define DEPENDS_H

@@ -1,4 +1,5 @@
-/* journal_plan.c - what a journal is the journal of: the plan's identity and the files that the camera saw. */
+/* journal_plan.c - what a journal is the journal of: the plan's identity and the files that the camera saw.
+ */
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -33,7 +34,10 @@ static int plan_differs(journal *j, const char *fmt, ...)
     vsnprintf(words, sizeof words, fmt, ap);
     va_end(ap);
     if (!j->changed)
-        err_set(&j->why, "%s: the plan has changed: %s; use another folder for another plan, or --anew to take all again", j->path, words);
+        err_set(
+            &j->why,
+            "%s: the plan has changed: %s; use another folder for another plan, or --anew to take all again",
+            j->path, words);
     j->changed = 1;
     return 0;
 }
@@ -47,7 +51,8 @@ int journal_same_plan(journal *j, const char *words)
         if (strncmp(now, words, 5 + name + 1) != 0) continue;
         j->met[(k - session_keys) / 64] |= (uint64_t)1 << (k - session_keys) % 64;
         if (!journal_counts(j->s, k) || !strcmp(now, words)) return 0;
-        return plan_differs(j, "%.*s was '%.200s', is '%.200s'", (int)name, words + 5, words + 6 + name, now + 6 + name);
+        return plan_differs(j, "%.*s was '%.200s', is '%.200s'", (int)name, words + 5, words + 6 + name,
+                            now + 6 + name);
     }
     return plan_differs(j, "%.*s is unknown", (int)name, words + 5);
 }
@@ -60,7 +65,8 @@ void journal_whole_plan(journal *j)
         int met = (j->met[(k - session_keys) / 64] >> (k - session_keys) % 64) & 1;
         if (met || k->identity != 1 || !k->preset) continue;
         session_value(now, sizeof now, j->s, k);
-        if (strcmp(now, k->preset) != 0) plan_differs(j, "%s.%s is not on record, is '%.200s'", k->section, k->name, now);
+        if (strcmp(now, k->preset) != 0)
+            plan_differs(j, "%s.%s is not on record, is '%.200s'", k->section, k->name, now);
     }
 }
 
@@ -110,7 +116,8 @@ int journal_seen(journal *j, const depends *d, errmsg *e)
         if (!now->digest[0] || (then && !strcmp(then->digest, now->digest))) continue;
         if (then && shots > 0)
             return err_set(e,
-                           "%s: %s has changed since the capture began: the %ld exposures on disk show it as it was; --anew takes them again, "
+                           "%s: %s has changed since the capture began: the %ld exposures on disk show it as "
+                           "it was; --anew takes them again, "
                            "another folder keeps them",
                            j->path, now->name, shots);
         adopted += !then && shots > 0;

@@ -78,7 +78,8 @@ static int is_file(const char *path)
     return stat(path, &st) == 0 && S_ISREG(st.st_mode);
 }
 
-/* As Radiance's getpath: the current folder, then RAYPATH for names that don't begin at a place of their own. */
+/* As Radiance's getpath: the current folder, then RAYPATH for names that don't begin at a place of their own.
+ */
 static void look_up(walk *w, const char *s, size_t n, int depth)
 {
     char name[LONGEST + 1], path[2 * LONGEST + 2];
@@ -112,8 +113,8 @@ static int has_zero(const char *text, size_t n)
     return memchr(text, 0, n < 65536 ? n : 65536) != NULL;
 }
 
-/* Scene and function files: what stands between blanks and quotes; # to the line's end is a remark, but not within a
- * command's line. */
+/* Scene and function files: what stands between blanks and quotes; # to the line's end is a remark, but not
+ * within a command's line. */
 static void words_of_text(walk *w, const char *p, size_t n, int depth)
 {
     static const char between[] = " \t\r\n\"'`;|<>()=,";
@@ -135,8 +136,8 @@ static void words_of_text(walk *w, const char *p, size_t n, int depth)
     }
 }
 
-/* Octrees and meshes hold their strings ended by a zero, among numbers in binary: a printable byte before may be a
- * number's. */
+/* Octrees and meshes hold their strings ended by a zero, among numbers in binary: a printable byte before may
+ * be a number's. */
 static void words_of_binary(walk *w, const char *p, size_t n, int depth)
 {
     size_t from = 0;
@@ -155,7 +156,8 @@ static int names_files(const char *text, size_t n)
 {
     size_t head = n < 65536 ? n : 65536;
     if (n < 10 || memcmp(text, "#?RADIANCE", 10) != 0) return 0;
-    return memmem(text, head, "FORMAT=Radiance_octree", 22) || memmem(text, head, "FORMAT=Radiance_tmesh", 21);
+    return memmem(text, head, "FORMAT=Radiance_octree", 22) ||
+           memmem(text, head, "FORMAT=Radiance_tmesh", 21);
 }
 
 static void add_file(walk *w, const char *path, int depth)
@@ -193,8 +195,10 @@ static void add_file(walk *w, const char *path, int depth)
     if (!n) return;
     sha256_add(&w->h, text, n);
     if (depth < 64) {
-        if (names_files(text, n)) words_of_binary(w, text, n, depth + 1);
-        else if (!has_zero(text, n)) words_of_text(w, text, n, depth + 1);
+        if (names_files(text, n))
+            words_of_binary(w, text, n, depth + 1);
+        else if (!has_zero(text, n))
+            words_of_text(w, text, n, depth + 1);
     }
     munmap(text, n);
 }
