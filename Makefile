@@ -31,12 +31,21 @@ OPT        ?= -O2 -g
 # warnings are errors where we look at them, not on a user's machine with another compiler
 WERROR     := $(if $(CI),-Werror)
 WARN       := -Wall -Wextra -Wshadow -Wconversion $(WERROR)
+OPENMP     := -fopenmp
+# clang has OpenMP in a package of its own (libomp-dev), and warns where our enum constants, whole numbers, meet doubles
+ifneq ($(findstring clang,$(CC)),)
+WARN       += -Wno-enum-float-conversion
+OPENMP     := $(shell printf '\043include <omp.h>\nint main(void) { return omp_get_max_threads() < 1; }\n' | $(CC) -fopenmp -x c -o /dev/null - 2>/dev/null && echo -fopenmp)
+ifeq ($(OPENMP),)
+$(warning $(CC) finds no OpenMP (package libomp-dev): our programs will use one thread)
+endif
+endif
 , := ,
 SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
 CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
-CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) -fopenmp -MMD -MP
+CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) $(OPENMP) -MMD -MP
 CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow $(WERROR) $(SANFLAGS) -MMD -MP
-LDFLAGS    += $(SANFLAGS) -fopenmp -Wl,--as-needed
+LDFLAGS    += $(SANFLAGS) $(OPENMP) -Wl,--as-needed
 LIBS_ILF   := -lOpenEXRCore -lOpenEXR -lpthread -lm
 LIBS_IMAGE := -lOpenEXRCore -lOpenEXR -lImath -lIex -lpng -ljpeg -ltiff -lraw_r -lz -lstdc++ -lpthread -lm
 LIBS_VISION := -lopencv_video -lopencv_imgproc -lopencv_core
@@ -173,14 +182,17 @@ bench: bench-hdrgen bench-fishremap bench-render
 #? bench         all benchmarks (bench-hdrgen, bench-fishremap, bench-render)
 
 # ---- the rest --------------------------------------------------------------------------------------
+# Ours in front of what the shell has.  Where it has no RAYPATH, Radiance's programs would look in their default folder,
+# so that stays; an empty part at the end of MANPATH stands for the system's pages.
+quoted = "$(subst ",\",$(subst $$,\$$,$(subst `,\`,$(1))))"
 env:
-	@echo 'export PATH=$(TOP)/$(B)/bin:$$PATH RAYPATH=.:$(TOP)/$(B0)/lib MANPATH=$(TOP)/$(B0)/man:'
+	@echo 'export PATH=$(call quoted,$(TOP)/$(B)/bin)$(if $(SAN),:$(call quoted,$(TOP)/$(B0)/bin)):"$$PATH" RAYPATH=.:$(call quoted,$(TOP)/$(B0)/lib):"$${RAYPATH:-/usr/local/lib/ray}" MANPATH=$(call quoted,$(TOP)/$(B0)/man):"$${MANPATH-}"'
 
 clean:
 	rm -rf $(B0)
 
 install: all
-	sh setup/install.sh $(B) $(B0) "$(DESTDIR)$(PREFIX)" "$(PREFIX)" "$(PROGRAM_PREFIX)" "$(VERSION)" $(ILF_PROGRAMS) $(TOOL_PROGRAMS) -- $(RAD_PROGRAMS)
+	@sh setup/install.sh $(B) $(B0) "$(DESTDIR)" "$(PREFIX)" "$(PROGRAM_PREFIX)" "$(VERSION)" $(ILF_PROGRAMS) $(TOOL_PROGRAMS) -- $(RAD_PROGRAMS) $(RAD_EXTRA)
 
 #? all           every program, Radiance with the material, man pages (the default)
 #? radiance      Radiance's programs with the material ilf (needs no OpenCV)
@@ -192,7 +204,7 @@ install: all
 #? clean         remove build/
 #? NAME          one program: rpict, hdrgen, ilfpack ...
 #?
-#? SAN=1 builds ours with ASan and UBSan in build/san; CC=clang; V=1 shows commands; RADIANCE_SRC=DIR builds
+#? SAN=1 builds ours with ASan and UBSan in build/san; CC=clang CXX=clang++ (libomp-dev); V=1 shows commands; RADIANCE_SRC=DIR builds
 #? from a Radiance 5.4a source tree of your own.
 help:
 	@echo "make TARGET"; sed -n 's/^#? \{0,1\}/  /p' $(MAKEFILE_LIST)

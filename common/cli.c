@@ -242,6 +242,7 @@ static char *put_quoted(char *p, const char *word)
 
 char *cli_command_line(const cli_prog *prog, int argc, char *const *argv)
 {
+    the_prog = prog;
     if (given && argv == given_as) { /* as it was before parsing */
         argv = given;
         argc = ngiven;
@@ -249,7 +250,7 @@ char *cli_command_line(const cli_prog *prog, int argc, char *const *argv)
     size_t size = strlen(prog->name) + 1;
     for (int i = 1; i < argc; i++) size += 4 * strlen(argv[i]) + 3;
     char *line = malloc(size), *p = line;
-    if (!line) return NULL;
+    if (!line) cli_fail(CLI_FAILED, "out of memory");
     p = stpcpy(p, prog->name);
     for (int i = 1; i < argc; i++) {
         *p++ = ' ';

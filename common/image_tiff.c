@@ -7,7 +7,6 @@
  * tiles.  Associated alpha (colours multiplied by it) is divided out.
  */
 #include <math.h>
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 #include <tiffio.h>
@@ -31,19 +30,32 @@ typedef struct tiff_state {
     uint32_t band; /* which row of strips or tiles is in buf; UINT32_MAX: none */
 } tiff_state;
 
-/* libtiff reports through global handlers; what it said is kept per thread. */
+/* What libtiff said, kept per thread.  Its global handlers are anybody's (whoever reads EXIF data turns them off): each
+ * file has a handler of its own. */
 static _Thread_local char last_words[200];
 
-static void keep_words(const char *module, const char *fmt, va_list ap)
+static int keep_words(TIFF *tif, void *user, const char *module, const char *fmt, va_list ap)
 {
-    (void)module;
+    (void)tif, (void)user, (void)module;
     vsnprintf(last_words, sizeof last_words, fmt, ap);
+    return 1; /* nobody else need hear it */
 }
 
-static void set_handlers(void)
+static int no_words(TIFF *tif, void *user, const char *module, const char *fmt, va_list ap)
 {
-    TIFFSetErrorHandler(keep_words);
-    TIFFSetWarningHandler(NULL);
+    (void)tif, (void)user, (void)module, (void)fmt, (void)ap;
+    return 1;
+}
+
+static TIFF *open_with_words(int fd, const char *path)
+{
+    TIFFOpenOptions *o = TIFFOpenOptionsAlloc();
+    if (!o) return NULL;
+    TIFFOpenOptionsSetErrorHandlerExtR(o, keep_words, NULL);
+    TIFFOpenOptionsSetWarningHandlerExtR(o, no_words, NULL);
+    TIFF *tif = TIFFFdOpenExt(fd, path, "rm", o); /* m: not mapped, so that a shrinking file is no SIGBUS */
+    TIFFOpenOptionsFree(o);
+    return tif;
 }
 
 static int tiff_bad(const img_reader *r, errmsg *e, const char *what)
@@ -133,8 +145,6 @@ static int read_units(img_reader *r, tiff_state *s, errmsg *e)
 
 static int tiff_open(img_reader *r, errmsg *e)
 {
-    static pthread_once_t once = PTHREAD_ONCE_INIT;
-    pthread_once(&once, set_handlers);
     tiff_state *s = r->state = calloc(1, sizeof *s);
     if (!s) return img_bad(r, e, "out of memory");
     s->band = UINT32_MAX;
@@ -142,7 +152,7 @@ static int tiff_open(img_reader *r, errmsg *e)
     int fd = dup(fileno(r->f)); /* TIFFClose closes it */
     if (fd < 0) return img_bad(r, e, "too many open files");
     lseek(fd, 0, SEEK_SET);
-    s->tif = TIFFFdOpen(fd, r->path, "rm"); /* m: not mapped, so that a shrinking file is no SIGBUS */
+    s->tif = open_with_words(fd, r->path);
     if (!s->tif) {
         close(fd);
         return tiff_bad(r, e, "header");

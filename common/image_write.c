@@ -31,7 +31,7 @@ static int check_values(const char *path, const char *what, const float *pix, si
                     return err_set(
                         e,
                         "%s: expected values up to 65504 for type half, found %g in %s %d of pixel "
-                        "(%d, %d); write float or scale",
+                        "(%d, %d): type float holds it (--type float)",
                         path, (double)p[c], what, c, x, y);
             }
         }

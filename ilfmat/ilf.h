@@ -256,6 +256,9 @@ typedef struct ilf_writer ilf_writer;
  * ilf_writer_close).  The spec is checked as ilf_open would. */
 ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec *spec, ilf_error *err);
 
+/* The same check without a file: ILF_OK, or ILF_ERR_ARG with the words that ilf_writer_open would give. */
+ilf_status ilf_spec_check(const ilf_spec *spec, ilf_error *err);
+
 /* Add the next probe, in i-fastest order: n_phi*n_theta*3 floats as in ilf_read_probe.
  * NaN and infinite texels, and texels beyond 65504 for ILF_HALF, are refused and named. */
 ilf_status ilf_writer_probe(ilf_writer *writer, const float *rgb, ilf_error *err);

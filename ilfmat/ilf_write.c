@@ -146,6 +146,12 @@ static exr_result_t write_header(ilf_writer *w, exr_compression_t compression)
 }
 #undef TRY
 
+ilf_status ilf_spec_check(const ilf_spec *spec, ilf_error *err)
+{
+    exr_compression_t compression;
+    return check_spec(spec->name ? spec->name : "light field", spec, &compression, err);
+}
+
 ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec *spec, ilf_error *err)
 {
     exr_compression_t compression = EXR_COMPRESSION_NONE;

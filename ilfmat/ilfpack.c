@@ -14,7 +14,7 @@
 
 #define PI 3.14159265358979323846
 
-static int n_u, n_v, interleave, fill_holes, ignore_alpha;
+static int n_u, n_v, interleave, fill_holes, ignore_alpha, dry_run;
 static double plane[9], polar_max_deg, polar_valid_deg;
 static const char *plane_text, *type_name = "half", *compression = "none", *target, *layer;
 
@@ -45,6 +45,7 @@ static const cli_opt options[] = {
     {"ignore-alpha", 0, CLI_FLAG, &ignore_alpha, NULL, NULL,
      "take all texels for seen, whatever the probes' alpha says"},
     {"layer", 0, CLI_STRING, &layer, NULL, "NAME", "which layer, part or view of OpenEXR probes"},
+    {"dry-run", 0, CLI_FLAG, &dry_run, NULL, NULL, "check the options; read no probe, write nothing"},
     {"output", 'o', CLI_STRING, &target, NULL, "OUT.ilf.exr", "file to write"},
     {0}};
 
@@ -236,6 +237,16 @@ static void look_below_zero(const probe *p)
         }
 }
 
+/* Does a probe hold more than a half can? */
+static int beyond_half(const probe *p)
+{
+    const size_t n = (size_t)p->w * (size_t)p->h * 3;
+
+    for (size_t k = 0; k < n; k++)
+        if (fabsf(p->rgb[k]) > 65504.f && isfinite(p->rgb[k])) return 1;
+    return 0;
+}
+
 /* The header holds floats: say so where that moves a probe by more than a thousandth of the pitch. */
 static void check_rounding(void)
 {
@@ -263,15 +274,15 @@ static void check_usage(int operands)
     ilf_error bad;
     errmsg err;
 
-    if (!n_u) cli_fail(CLI_USAGE, "expected --grid NxM; try 'ilfpack --help'");
-    if (!plane_text) cli_fail(CLI_USAGE, "expected --plane \"O U V\"; try 'ilfpack --help'");
+    if (!n_u) cli_fail(CLI_USAGE, "expected --grid NxM");
+    if (!plane_text) cli_fail(CLI_USAGE, "expected --plane \"O U V\"");
     if (cli_parse_doubles(plane, 9, plane_text, " ", &err) != 0) cli_fail(CLI_USAGE, "--plane: %s", err.text);
     if (ilf_frame_init(&frame, plane, plane + 3, plane + 6, NULL, &bad) != ILF_OK)
         cli_fail(CLI_USAGE, "--plane: %s", bad.text);
-    if (!target) cli_fail(CLI_USAGE, "expected -o OUT.ilf.exr; try 'ilfpack --help'");
+    if (!target) cli_fail(CLI_USAGE, "expected -o OUT.ilf.exr");
     if (strcmp(type_name, "half") != 0 && strcmp(type_name, "float") != 0)
         cli_fail(CLI_USAGE, "--type: expected half or float, found %s", type_name);
-    if ((int64_t)n_u * n_v != operands)
+    if (!dry_run && (int64_t)n_u * n_v != operands)
         cli_fail(CLI_USAGE, "expected %lld probes (%dx%d), found %d", (long long)n_u * n_v, n_u, n_v,
                  operands);
     check_rounding();
@@ -315,7 +326,7 @@ int main(int argc, char **argv)
     errmsg words;
 
     check_usage(n);
-    const probe_facts facts = read_all_facts(argv + 1, n);
+    const probe_facts facts = dry_run ? (probe_facts){0} : read_all_facts(argv + 1, n);
     ilf_spec spec = {.n_u = n_u,
                      .n_v = n_v,
                      .compression = compression,
@@ -337,6 +348,11 @@ int main(int argc, char **argv)
     spec.white_luminance = facts.white_luminance;
     if (facts.owner[0]) spec.owner = facts.owner;
     if (facts.cap_date[0]) spec.cap_date = facts.cap_date;
+    if (dry_run) {
+        spec.n_theta = 64, spec.n_phi = 32; /* probes of any size will do */
+        if (ilf_spec_check(&spec, &err) != ILF_OK) cli_fail(CLI_USAGE, "%s", err.text);
+        return cli_end(CLI_OK);
+    }
 
     for (int k = 0; k < n; k++) {
         const char *path = argv[1 + k];
@@ -348,12 +364,14 @@ int main(int argc, char **argv)
             spec.n_theta = p.w, spec.n_phi = p.h;
             if (out_begin(&out, target, &words) != 0) cli_fail(CLI_FAILED, "%s", words.text);
             if (ilf_writer_open(&w, out_path(out), &spec, &err) != ILF_OK)
-                cli_fail(err.status == ILF_ERR_IO ? CLI_FAILED : CLI_USAGE, "%s", err.text);
+                cli_fail(err.status == ILF_ERR_ARG ? CLI_USAGE : CLI_FAILED, "%s", err.text);
         }
         if (p.w != spec.n_theta || p.h != spec.n_phi)
             cli_fail(CLI_FAILED, "%s: expected %dx%d pixels as the first probe has, found %dx%d", path,
                      spec.n_theta, spec.n_phi, p.w, p.h);
-        if (ilf_writer_probe(w, p.rgb, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s (from %s)", err.text, path);
+        if (ilf_writer_probe(w, p.rgb, &err) != ILF_OK)
+            cli_fail(CLI_FAILED, "%s (from %s)%s", err.text, path,
+                     spec.type == ILF_HALF && beyond_half(&p) ? "; --type float holds it" : "");
         look_below_zero(&p);
         probe_free(&p);
         cli_progress("packing", k + 1, n);

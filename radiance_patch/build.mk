@@ -14,7 +14,7 @@ RAD_CFLAGS := $(OPT) -w -fcommon -std=gnu99 -DALIGNT=double -I$(RAD)/common -I$(
 RAD_COMMON := addobjnotify badarg biggerlib bmalloc bmpfile bsdf bsdf_m bsdf_t byteswap caldefn calexpr \
 	calfunc calprnt ccolor ccyrgb chanvalue clip color colrops cone cvtcmd depthcodec dircode disk2square \
 	ealloc eputs erf error expandarg ezxml face falsecolor fdate fgetline fgetval fgetword fixargv0 \
-	fltdepth font fputword free_os fropen fvect gethomedir getlibpath getpath header hilbert idmap image \
+	fltdepth font fputword free_os fropen fvect gethomedir getpath header hilbert idmap image \
 	instance interp2d invmat4 jitteraperture lamps linregr loadbsdf loadvars lookup mat4 mesh modobject \
 	multisamp myhostname normcodec objset octree otypes paths plocate portio process quit readfargs \
 	readmesh readobj readoct resolu rexpr savestr savqstr sceneio spec_rgb strlcpy tcos timegm tmap16bit \
@@ -50,7 +50,7 @@ RAD_PROGRAMS       := $(RAD_RENDERERS) $(RAD_OTHERS)
 RAD_EXTRA := obj2mesh obj2rad genbox gensurf genrev genworm genprism gensky ies2rad replmarks \
 	pcond pextrem pflip protate pinterp psign ra_xyze ra_ppm normtiff ev histo icalc rlam rcomb rmtxop
 
-radiance: $(RAD_PROGRAMS:%=$(B)/bin/%) $(B0)/lib/.radiance $(LIBILF)
+radiance: $(RAD_PROGRAMS:%=$(B)/bin/%) $(B0)/lib/.radiance $(B0)/lib/helvet.fnt $(LIBILF)
 
 # ---- source ----
 $(B0)/radiance/sdist.tar.gz: | $(VENV)/.made
@@ -86,7 +86,13 @@ $(RAD_OURS): $(RADOBJ)/rt/%.o: radiance_patch/%.c radiance_patch/ilfsrc.h ilfmat
 	@echo "  CC  $<"
 	$(Q)$(CC) $(RAD_CFLAGS) -Wall $(SANFLAGS) -c -o $@ $<
 
-$(RADOBJ)/librtrad.a: $(RAD_COMMON:%=$(RADOBJ)/common/%.o)
+# ours, in place of getlibpath.c: a program without RAYPATH finds the function files of its own installation
+$(RADOBJ)/common/libpath.o: radiance_patch/libpath.c $(RAD)/.patched
+	@mkdir -p $(@D)
+	@echo "  CC  $<"
+	$(Q)$(CC) $(RAD_CFLAGS) -D_GNU_SOURCE -c -o $@ $<
+
+$(RADOBJ)/librtrad.a: $(RAD_COMMON:%=$(RADOBJ)/common/%.o) $(RADOBJ)/common/libpath.o
 	@rm -f $@; ar rcs $@ $^
 $(RADOBJ)/libradiance.a: $(RAD_RT:%=$(RADOBJ)/rt/%.o) $(RAD_OURS) $(RADOBJ)/rt/Version.o
 	@rm -f $@; ar rcs $@ $^
@@ -100,9 +106,15 @@ $(B)/bin/$(1): $$(RAD_MAIN_$(1):%=$(RADOBJ)/%.o) $(if $(filter $(1),$(RAD_RENDER
 endef
 $(foreach p,$(RAD_PROGRAMS),$(eval $(call rad_rules,$(p))))
 
-# ---- function files and further programs ----
+# ---- function files, a font, further programs ----
 $(B0)/lib/.radiance: radiance_patch/extras.sh | $(VENV)/.made
 	@mkdir -p $(@D)
 	@sh radiance_patch/extras.sh $(PY) $(RAD_LIBPKG) $(B0)/lib $(B)/bin $(RAD_EXTRA)
 	@touch $@
 $(RAD_EXTRA:%=$(B)/bin/%): | $(B0)/lib/.radiance ;
+# the source distribution has no font file; a Radiance tree has one beside its src folder
+RAD_FONT := $(if $(RADIANCE_SRC),$(firstword $(wildcard $(foreach d,$(RADIANCE_SRC) $(RADIANCE_SRC)/..,$(d)/resources/fonts/helvet.fnt $(d)/ray/lib/helvet.fnt))))
+$(B0)/lib/helvet.fnt: radiance_patch/letters.py $(RAD_ORIGIN) | $(VENV)/.made
+	@mkdir -p $(@D)
+	@echo "  font $@"
+	@$(if $(RAD_FONT),cp $(RAD_FONT) $@.part,$(PY) radiance_patch/letters.py $@.part) && mv $@.part $@

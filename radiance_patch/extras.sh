@@ -20,3 +20,9 @@ for p in "$@"; do
         exit 1
     fi
 done
+# whose these are, and under which licence
+mkdir -p "$lib/../doc"
+cp "$dir"/*.dist-info/METADATA "$lib/../doc/${pkg%%==*}.txt"
+for f in "$dir"/*.dist-info/licenses/* "$dir"/*.dist-info/LICENSE*; do
+    [ ! -f "$f" ] || cp "$f" "$lib/../doc/${pkg%%==*}-$(basename "$f")"
+done

@@ -11,6 +11,7 @@ if [ -d "$1" ]; then
     [ -f "$src/rt/raytrace.c" ] ||
         { echo "unpack: $1: expected Radiance's src folder (common/, rt/, ot/ ...), found no rt/raytrace.c" >&2; exit 1; }
     for d in common rt ot gen px util cal; do cp -R "$src/$d" "$2.new/"; done
+    for f in "$1/License.txt" "$1/../License.txt"; do [ ! -f "$f" ] || cp "$f" "$2.new/"; done
 elif [ ! -f "$1" ]; then
     echo "unpack: $1: expected Radiance's source folder or its source distribution, found nothing" >&2
     exit 1

@@ -53,12 +53,12 @@ $$(eval $$(call settings,$($(1)_OUT)/probe.settings,$($(1)_PROBE)))
 # Indirect light of the room, once, from the plane's middle and corners; each node starts from a copy.
 $($(1)_OUT)/room.amb: $($(1)_STAGE) $($(1)_OUT)/capture.settings | $(call bins,virtualcamera rtrace)
 	@echo "  capture: indirect light of the room"
-	@rm -f $$@ $$@.part
+	@rm -f $$@ $$@.part $$@.part.scene
 	@for at in 1$(,)1 0$(,)0 2$(,)2 0$(,)2 2$(,)0; do \
 	    $$(ILF_ENV):$$($(1)_PATH) virtualcamera --quiet --octree $($(1)_STAGE) --plane "$($(1)_PLANE)" --grid 3x3 --node $$$$at \
 	        $($(1)_LENS) --size 160 --supersample 1 --render-options "$($(1)_LIGHT) -af $$@.part" -o $($(1)_OUT)/overture.exr; \
 	done
-	@rm -f $($(1)_OUT)/overture.exr
+	@rm -f $($(1)_OUT)/overture.exr $$@.part.scene
 	@mv $$@.part $$@
 
 $($(1)_OUT)/nodes/%/times.txt: $($(1)_OUT)/room.amb $($(1)_FALLOFF) | $(call bins,virtualcamera rtrace)
@@ -71,7 +71,7 @@ $($(1)_OUT)/nodes/%/times.txt: $($(1)_OUT)/room.amb $($(1)_FALLOFF) | $(call bin
 	        --render-options "$($(1)_LIGHT) -af $$(@D)/room.amb" -o $$(@D)/e$$$$k.png; \
 	    echo "e$$$$k.png $$$$t"; k=$$$$((k + 1)); \
 	done > $$@.part
-	@rm -f $$(@D)/*.pfm $$(@D)/room.amb
+	@rm -f $$(@D)/*.pfm $$(@D)/room.amb $$(@D)/room.amb.scene
 	@mv $$@.part $$@
 
 $($(1)_OUT)/nodes/%/fisheye.exr: $($(1)_OUT)/nodes/%/times.txt | $(call bins,hdrgen)

@@ -1,11 +1,22 @@
 #!/bin/sh
 # Install what was built:
-# install.sh BUILD BUILD0 DEST PREFIX PROGRAM_PREFIX VERSION OUR-PROGRAM... -- RADIANCE-PROGRAM...
-# Radiance's programs keep their names: they replace an installation of their own version under PREFIX.
+# install.sh BUILD BUILD0 DESTDIR PREFIX PROGRAM_PREFIX VERSION OUR-PROGRAM... -- RADIANCE-PROGRAM...
+# Radiance's programs keep their names (scenes call them by these): they replace an installation of their own version
+# under PREFIX.  Every file comes whole under its name, so that a running program keeps its own.
 set -eu
-build=$1 build0=$2 dest=$3 prefix=$4 mark=$5 version=$6
+umask 022
+build=$1 build0=$2 destdir=$3 prefix=$4 mark=$5 version=$6
 shift 6
-mkdir -p "$dest/bin" "$dest/lib/pkgconfig" "$dest/lib/ray" "$dest/include" "$dest/share/man/man1" "$dest/share/man/man7"
+[ -n "$prefix" ] || { echo "install: expected PREFIX=FOLDER, found nothing" >&2; exit 1; }
+case $prefix in /*) ;; *) prefix=$(pwd)/$prefix ;; esac
+dest=$destdir$prefix
+bin=$dest/bin ray=$dest/lib/ray doc=$dest/share/doc/ilf man=$dest/share/man
+mkdir -p "$bin" "$dest/lib/pkgconfig" "$ray" "$dest/include" "$man/man1" "$man/man7" "$doc"
+
+put() { # put MODE FROM TO
+    cp "$2" "$3.part" && chmod "$1" "$3.part" && mv -f "$3.part" "$3"
+}
+
 ours=1
 for p in "$@"; do
     if [ "$p" = -- ]; then
@@ -14,16 +25,23 @@ for p in "$@"; do
     fi
     to=$p
     [ -z "$ours" ] || to=$mark$p
-    cp "$build/bin/$p" "$dest/bin/$to"
+    from=$build/bin/$p
+    [ -f "$from" ] || from=$build0/bin/$p # fetched, not built: not in SAN's folder
+    put 755 "$from" "$bin/$to"
     page=$build0/man/man1/$p.1
-    [ -z "$ours" ] || [ ! -f "$page" ] || cp "$page" "$dest/share/man/man1/$to.1"
+    [ -z "$ours" ] || [ ! -f "$page" ] || put 644 "$page" "$man/man1/$to.1"
 done
-cp "$build0/man/man7/"*.7 "$dest/share/man/man7/"
-cp "$build/lib/libilf.a" "$dest/lib/"
-cp ilfmat/ilf.h "$dest/include/"
-for f in "$build0"/lib/*; do
-    case $f in *.a) ;; *) [ ! -f "$f" ] || cp "$f" "$dest/lib/ray/" ;; esac
+for f in "$build0/man/man7/"*.7; do put 644 "$f" "$man/man7/$(basename "$f")"; done
+put 644 "$build/lib/libilf.a" "$dest/lib/libilf.a"
+put 644 ilfmat/ilf.h "$dest/include/ilf.h"
+# function files, the font, data: all that build/lib holds but the libraries
+(cd "$build0/lib" && find . -type f ! -name '.*' ! -name '*.a' ! -name '*.part') | while IFS= read -r f; do
+    mkdir -p "$(dirname "$ray/$f")"
+    put 644 "$build0/lib/$f" "$ray/$f"
 done
+put 644 LICENSE "$doc/LICENSE"
+[ ! -f "$build0/radiance/src/License.txt" ] || put 644 "$build0/radiance/src/License.txt" "$doc/Radiance-License.txt"
+for f in "$build0"/doc/*; do [ ! -f "$f" ] || put 644 "$f" "$doc/$(basename "$f")"; done
 cat >"$dest/lib/pkgconfig/ilf.pc" <<EOF
 prefix=$prefix
 includedir=\${prefix}/include
@@ -33,7 +51,9 @@ Name: ilf
 Description: incident light fields: open, evaluate, sample, write
 Version: $version
 Requires.private: OpenEXR
-Libs: -L\${libdir} -lilf -lOpenEXRCore -lOpenEXR -lpthread -lm
-Cflags: -I\${includedir}
+Libs: -L"\${libdir}" -lilf -lOpenEXRCore -lOpenEXR -lpthread -lm
+Cflags: -I"\${includedir}"
 EOF
-echo "installed under $dest; function files in $prefix/lib/ray (RAYPATH=.:$prefix/lib/ray)"
+chmod 644 "$dest/lib/pkgconfig/ilf.pc"
+echo "installed under $dest; a shell needs:"
+echo "  export PATH=\"$prefix/bin:\$PATH\" RAYPATH=\".:$prefix/lib/ray:\${RAYPATH-}\""

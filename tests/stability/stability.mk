@@ -4,8 +4,8 @@ STABILITY = ILF_BUILD=$(B) ILF_STABILITY_TABLE=$(B)/stability.csv $(PY) -m pytes
 	tests/stability $$($(PY) tests/stability/elsewhere.py) $(TEST_ARGS)
 STABILITY_NEEDS = $(B0)/.debs-test all $(TEST_DRIVERS) $(REPLAYS) $(SHIM) $(VENV)/.packages
 
-SHIM := $(B)/test/faultshim.so
-$(SHIM): tests/stability/faultshim.c | $(B0)/.debs-tools
+SHIM := $(B)/test/faultshim.so $(B)/test/memoryshim.so
+$(SHIM): $(B)/test/%.so: tests/stability/%.c | $(B0)/.debs-tools
 	@mkdir -p $(@D)
 	@echo "  CC  $< (shim)"
 	$(Q)$(CC) -D_GNU_SOURCE -std=c11 $(OPT) $(WARN) -fPIC -shared -o $@ $< -ldl

@@ -178,6 +178,7 @@ static const cli_opt options[] = {
     {"second", 0, CLI_STRING, &cfg.second, NULL, "FILE", "another picture of the same ball, from elsewhere, to combine with IN"},
     {"second-view", 0, CLI_CALL, &cfg, opt_second, "X,Y,R,TILT,TO", "its ball, pixels, and its camera's --tilt and --tilt-to, degrees"},
     {"layer", 0, CLI_STRING, &cfg.layer, NULL, "NAME", "which layer, part or view of an OpenEXR picture that has several"},
+    {"dry-run", 0, CLI_FLAG, &cfg.dry_run, NULL, NULL, "check the options and the files that they name; read no picture, write nothing"},
     {"type", 't', CLI_CALL, &cfg, opt_type, "TYPE", "EXR pixels: float (default) or half"},
     {"compression", 0, CLI_STRING, &cfg.compression, NULL, "NAME", "EXR compression (default zip)"},
     {"output", 'o', CLI_STRING, &cfg.out, NULL, "OUT", "picture (.exr or .hdr), or .ilf.exr for an array; for several IN a name\nwith a % for theirs"},
@@ -244,6 +245,10 @@ int main(int argc, char **argv)
     if (cfg.out_w > IMG_MAX_SIDE || cfg.out_h > IMG_MAX_SIDE || (int64_t)cfg.out_w * cfg.out_h > IMG_MAX_PIXELS / 4)
         cli_fail(CLI_FAILED, "--size: expected sides up to %d and up to %lld pixels, found %dx%d", IMG_MAX_SIDE, (long long)IMG_MAX_PIXELS / 4,
                  cfg.out_w, cfg.out_h);
+    if (cfg.dry_run) {
+        if (job_dry_run(&cfg, &e)) cli_fail(CLI_FAILED, "%s", e.text);
+        return cli_end(CLI_OK);
+    }
     cfg.progress = cli_progress;
     cfg.command = cli_command_line(&prog, argc, argv);
     shared.several = n > 1;

@@ -42,6 +42,7 @@ typedef struct settings {
     int have_plane;
     double plane[9];
     const char *compression;
+    int dry_run;         /* check only */
     void (*progress)(const char *what, double done, double total); /* or NULL */
 } settings;
 
@@ -71,6 +72,9 @@ typedef struct session {
     struct remap_plan *plan;
 } session;
 void session_free(session *w);
+
+/* Lens, falloff, mask and second picture: can they be read? */
+int job_dry_run(const settings *s, errmsg *e);
 
 /* One picture to another. */
 int job_picture(outcome *o, session *w, const settings *s, errmsg *e);

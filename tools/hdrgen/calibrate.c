@@ -151,8 +151,10 @@ static int one_round(response *r, noise_model *noise, double *lnt, const double 
         if (facts->rounds == 0)
             channel_first_x(&h[c], r, &noise[c]);
         channel_gather(&h[c]);
-        if (o->fit_noise)
-            channel_fit_noise(&noise[c], &h[c], r, lnt, &o->fixed_noise, facts->rounds > 2);
+        if (o->fit_noise && channel_fit_noise(&noise[c], &h[c], r, lnt, &o->fixed_noise, facts->rounds > 2)) {
+            err_set(e, "out of memory");
+            goto done;
+        }
         channel_fit_model_error(&h[c]);
         h[c].slack = fmax(1, h[c].slack / 2);
         facts->pixels[c] = channel_pixels(&h[c]);
@@ -176,11 +178,15 @@ static int one_round(response *r, noise_model *noise, double *lnt, const double 
         lnt[k] += by;
         *change = fmax(*change, fabs(by));
     }
-    for (int c = 0; c < nc && o->fit_response; c++)
-        if (curve_to_table(r, c, b, coef[c])) {
+    for (int c = 0; c < nc && o->fit_response; c++) {
+        int bad = curve_to_table(r, c, b, coef[c]);
+        if (bad == -2)
+            err_set(e, "out of memory");
+        else if (bad)
             err_set(e, "channel %d: the recovered response is not a curve: times or order of the images wrong?", c);
+        if (bad)
             goto done;
-        }
+    }
     code = 0;
 done:
     free(dtau);

@@ -87,7 +87,8 @@ int curve_to_table(response *r, int ch, const basis *b, const double c[BASIS_N])
         r->finv[ch][z] = exp(g);
     }
     r->finv[ch][0] = 0;
-    return response_make_monotone(r, ch) < 0 ? -1 : 0;
+    int changed = response_make_monotone(r, ch);
+    return changed < 0 ? changed : 0;
 }
 
 int curve_from_table(double c[BASIS_N], const response *r, int ch, const basis *b, errmsg *e)

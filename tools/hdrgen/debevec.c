@@ -156,8 +156,12 @@ static int one_channel(response *r, int c, solve_facts *facts, const samples *s,
     if (curve_penalty(q, b, lambda, NULL) || curve_gauge(q, b, sqrt(weight)) ||
         qrls_solve(q, coef, 1e-13, &qf, e))
         goto done;
-    if (curve_to_table(r, c, b, coef)) {
-        err_set(e, "channel %d: the recovered response is not a curve: times or order of the images wrong?", c);
+    int bad = curve_to_table(r, c, b, coef);
+    if (bad) {
+        if (bad == -2)
+            err_set(e, "out of memory");
+        else
+            err_set(e, "channel %d: the recovered response is not a curve: times or order of the images wrong?", c);
         goto done;
     }
     facts->condition[c] = qf.condition;

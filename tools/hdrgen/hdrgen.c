@@ -2,10 +2,12 @@
  * hdrgen.c - the command: options, messages, order of events.  The stages are in job.h, the output
  * in output.h, the plot in plot.h.
  */
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "cli.h"
 #include "job.h"
@@ -16,7 +18,7 @@ static struct {
     job_opts job;
     output_opts out;
     const char *times, *save_response, *plot;
-    int verbose;
+    int verbose, dry_run;
 } set = {.job = {.lambda = 1, .gain = -1, .read_noise = -1, .memory = (int64_t)256 << 20}};
 
 /* ---- values with a syntax of their own ----------------------------------------------------------- */
@@ -106,6 +108,17 @@ static int take_patch(const char *v, void *arg, errmsg *e)
     return o->patch[4] > 0 ? 0 : err_set(e, "expected a luminance above 0 cd/m2, found \"%s\"", eq + 1);
 }
 
+static int take_circle(const char *v, void *arg, errmsg *e)
+{
+    job_opts *o = arg;
+    int whole = strchr(v, ',') != NULL;
+    o->circle[0] = o->circle[1] = -1;
+    if (whole ? cli_parse_doubles(o->circle, 3, v, ",", e) : cli_parse_double(&o->circle[2], v, e))
+        return -1;
+    return o->circle[2] > 0 || (!whole && o->circle[2] == 0)
+               ? 0 : err_set(e, "expected X,Y,R in pixels or R over half the shorter side, R above 0, found \"%s\"", v);
+}
+
 static int take_type(const char *v, void *arg, errmsg *e)
 {
     output_opts *o = arg;
@@ -151,6 +164,10 @@ static const cli_opt options[] = {
     {"half-size", 0, CLI_FLAG, &set.job.half_size, NULL, NULL, "camera raw: one pixel for each 2x2 of the sensor"},
     {"bits", 0, CLI_INT, &set.job.bits, NULL, "B", "codes fill B bits of their files', from the lowest (default: all)"},
     {"fill", 0, CLI_CALL, &set.job, take_fill, "R,G,B", "pixels of exactly these codes are missing in that image"},
+    {"circle", 0, CLI_CALL, &set.job, take_circle, "R|X,Y,R",
+     "image circle of a fisheye: pixels outside of it are not counted as clipped or black; R over half the shorter side about the middle, or centre and "
+     "radius in pixels (default, or 0: all count)"},
+    {"dry-run", 0, CLI_FLAG, &set.dry_run, NULL, NULL, "check the options and the files that they name; read no image, write nothing"},
     {"type", 0, CLI_CALL, &set.out, take_type, "T", "OpenEXR values: float (default) or half"},
     {"compression", 0, CLI_STRING, &set.out.compression, NULL, "C", "OpenEXR: none, rle, zips, zip (default), piz or dwaa"},
     {"verbose", 'v', CLI_FLAG, &set.verbose, NULL, NULL, "say what was found, on standard error"},
@@ -202,9 +219,8 @@ static void report_times(const job *j)
 
 static void note_pixels(long n, const job *j, const char *what)
 {
-    double pixels = (double)j->radiance.info.width * j->radiance.info.height;
     if (n)
-        cli_note("%ld pixels (%.3g %%) %s", n, 100.0 * (double)n / pixels, what);
+        cli_note("%ld pixels (%.3g %%%s) %s", n, 100.0 * (double)n / (double)j->facts.counted, j->opts.circle[2] > 0 ? " of the circle" : "", what);
 }
 
 static void summary(const job *j)
@@ -231,6 +247,8 @@ static void check_usage(int images)
         cli_fail(CLI_USAGE, "--bits: expected 2 to 16, found %d", o->bits);
     if (images < 1)
         cli_fail(CLI_USAGE, "expected one image or more, found none");
+    if (images > MERGE_MOST)
+        cli_fail(CLI_USAGE, "expected at most %d images, found %d", MERGE_MOST, images);
     if (!(o->lambda >= 1e-12 && o->lambda <= 1e12))
         cli_fail(CLI_USAGE, "--lambda: expected 1e-12 to 1e12, found %g", o->lambda);
     if (o->gain != -1 && !(o->gain > 0 && o->gain <= 1e9))
@@ -248,6 +266,23 @@ static void check_usage(int images)
         cli_fail(CLI_USAGE, "--sigma, --count, --flags: expected an output named .exr, found %s", set.out.path);
 }
 
+/* The options are right by now; are the files that they name there? */
+static int dry_run(void)
+{
+    errmsg e;
+    response r = {0};
+    const char *const files[] = {set.times, set.job.dark, set.job.flat, set.job.hot};
+    if (set.job.response == RESPONSE_FILE) {
+        if (response_load(&r, set.job.response_file, 3, 255, &e))
+            cli_fail(CLI_FAILED, "%s", e.text);
+        response_free(&r);
+    }
+    for (size_t k = 0; k < sizeof files / sizeof *files; k++)
+        if (files[k] && access(files[k], R_OK) != 0)
+            cli_fail(CLI_FAILED, "%s: %s", files[k], strerror(errno));
+    return cli_end(CLI_OK);
+}
+
 int main(int argc, char **argv)
 {
     errmsg e;
@@ -256,6 +291,8 @@ int main(int argc, char **argv)
     char *command = cli_command_line(&prog, argc, argv);
     j.n = cli_parse(&prog, argc, argv);
     check_usage(j.n);
+    if (set.dry_run)
+        return dry_run();
     j.opts = set.job;
     set.out.command = command;
     j.shots = calloc((size_t)j.n, sizeof *j.shots);

@@ -36,6 +36,7 @@ typedef struct job_opts {
     int refine_times, deghost, want_sigma, want_count, half_size;
     int has_bayer, bayer[4]; /* colours (0..2) of the 2x2 positions, row by row */
     int has_fill, fill[3];   /* code triple of missing pixels */
+    double circle[3];        /* what counts as clipped or black lies in it: x, y (< 0: the middle), radius in pixels, or (with x < 0) over half the shorter side; radius 0: all */
     const char *dark, *flat, *hot; /* files or NULL */
     double patch[5];         /* x, y, w, h, cd/m2; w = 0: none */
     int64_t memory;          /* bytes of codes kept between the passes */
@@ -49,6 +50,7 @@ typedef struct job_facts {
     int assumed_time;      /* one image of unknown time: 1 s */
     int bits_used;         /* the codes seem to end at 2^this - 1, below the file's highest; 0: they don't */
     long clipped, black, gap, ghosts, healed; /* pixels (any channel) */
+    long counted;          /* pixels that those are of */
     double scale;          /* radiance was multiplied by this (--calibrate) */
     double read_s, recover_s, merge_s; /* CPU seconds */
 } job_facts;

@@ -282,10 +282,23 @@ static int to_absolute(job *j, errmsg *e)
     return 0;
 }
 
+/* Is a pixel's middle in the image circle?  Beyond it a fisheye shows nothing. */
+static int in_circle(const job *j, size_t at)
+{
+    const double *c = j->opts.circle, w = j->radiance.info.width, h = j->radiance.info.height;
+    double x = (double)(at % (size_t)j->radiance.info.width) + 0.5, y = (double)(at / (size_t)j->radiance.info.width) + 0.5;
+    if (!(c[2] > 0))
+        return 1;
+    return c[0] < 0 ? hypot(x - w / 2, y - h / 2) < c[2] * fmin(w, h) / 2 : hypot(x - c[0], y - c[1]) < c[2];
+}
+
 static void count_flags(job *j)
 {
     size_t pixels = (size_t)j->radiance.info.width * (size_t)j->radiance.info.height;
     for (size_t i = 0; i < pixels; i++) {
+        if (!in_circle(j, i))
+            continue;
+        j->facts.counted++;
         j->facts.clipped += (j->flags[i] & MERGE_CLIPPED) != 0;
         j->facts.black += (j->flags[i] & MERGE_BLACK) != 0;
         j->facts.gap += (j->flags[i] & MERGE_GAP) != 0;

@@ -119,9 +119,10 @@ static int one_channel(response *r, int ch, solve_facts *facts, const samples *s
     facts->pixels[ch] = s->n[ch];
     for (int z = 1; z <= r->max_code; z++)
         r->finv[ch][z] = poly(best, order, (double)z / r->max_code);
-    if (response_make_monotone(r, ch) < 0)
-        return err_set(e, "channel %d: the polynomial is not positive", ch);
-    return 0;
+    int changed = response_make_monotone(r, ch);
+    if (changed == -2)
+        return err_set(e, "out of memory");
+    return changed < 0 ? err_set(e, "channel %d: the polynomial is not positive", ch) : 0;
 }
 
 int mitsunaga_solve(response *r, solve_facts *facts, const samples *s, const double *lnt, errmsg *e)

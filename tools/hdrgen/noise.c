@@ -43,7 +43,8 @@ static double modelled(const double p[3], const noise_cell *c)
     return p[0] * t[0] + p[1] * t[1] + (p[2] + rounding_var) * t[2];
 }
 
-/* Best p over one active set with weights n / (2 variance^2), the sampling variance of a variance. */
+/* Best p over one active set with weights n / (2 variance^2), the sampling variance of a variance.  Its cost; INFINITY: no
+ * such p; NAN: out of memory. */
 static double solve_set(double p[3], int set, const noise_cell *cells, int n, const double prev[3],
                         const double held[3])
 {
@@ -54,7 +55,7 @@ static double solve_set(double p[3], int set, const noise_cell *cells, int n, co
         p[k] = held[k] >= 0 ? held[k] : 0;
     qrls *q = cols ? qrls_new(cols) : NULL;
     if (cols && !q)
-        return INFINITY;
+        return NAN;
     double scale[3];
     for (int k = 0; k < 3; k++) {
         double biggest = 0, t[3];
@@ -70,7 +71,7 @@ static double solve_set(double p[3], int set, const noise_cell *cells, int n, co
         double *row = qrls_row(q), rest = cells[i].relative_square - modelled(p, &cells[i]);
         if (!row) {
             qrls_free(q);
-            return INFINITY;
+            return NAN;
         }
         for (int k = 0; k < 3; k++)
             if (column[k] >= 0)
@@ -82,7 +83,7 @@ static double solve_set(double p[3], int set, const noise_cell *cells, int n, co
         int bad = qrls_solve(q, x, 1e-10, NULL, NULL);
         qrls_free(q);
         if (bad)
-            return INFINITY;
+            return bad == -2 ? NAN : INFINITY;
         for (int k = 0; k < 3; k++)
             if (column[k] >= 0) {
                 p[k] = x[column[k]] * scale[k];
@@ -114,6 +115,8 @@ int noise_fit(noise_model *m, const noise_cell *cells, int n, const noise_model 
         for (int set = 0; set < 8; set++) {
             double p[3];
             double cost = solve_set(p, set, cells, n, prev, held);
+            if (isnan(cost))
+                return -2;
             if (cost < least) {
                 least = cost;
                 for (int k = 0; k < 3; k++)

@@ -29,7 +29,7 @@ typedef struct noise_cell {
 
 /* Fit the three parameters, none negative and code_var >= 1/12, by weighted least squares
  * (QR over every active set).  Parameters that are >= 0 in `fixed` are kept.  -1 if there are fewer than
- * three cells to go by; m is then left alone. */
+ * three cells to go by, -2 when out of memory; m is then left alone. */
 int noise_fit(noise_model *m, const noise_cell *cells, int n, const noise_model *fixed);
 
 #endif

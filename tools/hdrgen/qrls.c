@@ -15,7 +15,7 @@ struct qrls {
     int n;      /* columns of A */
     int filled; /* rows in use, the triangle's among them */
     int cap;
-    int failed;
+    int failed; /* -1; -2: out of memory */
     long rows;
     double *a;  /* cap x (n+1), row-major */
     double *col; /* the same, column-major, for LAPACK */
@@ -55,6 +55,11 @@ int qrls_columns(const qrls *q)
     return q->n;
 }
 
+static int no_memory(lapack_int info)
+{
+    return info == LAPACK_WORK_MEMORY_ERROR || info == LAPACK_TRANSPOSE_MEMORY_ERROR;
+}
+
 /* Fold everything into one triangle, b included as the last column. */
 static void fold(qrls *q)
 {
@@ -64,8 +69,9 @@ static void fold(qrls *q)
     for (int i = 0; i < rows; i++)
         for (int j = 0; j < m; j++)
             q->col[(size_t)j * (size_t)rows + (size_t)i] = q->a[(size_t)i * (size_t)m + (size_t)j];
-    if (LAPACKE_dgeqrf(LAPACK_COL_MAJOR, rows, m, q->col, rows, q->tau) != 0) {
-        q->failed = 1;
+    lapack_int info = LAPACKE_dgeqrf(LAPACK_COL_MAJOR, rows, m, q->col, rows, q->tau);
+    if (info != 0) {
+        q->failed = no_memory(info) ? -2 : -1;
         return;
     }
     int keep = rows < m ? rows : m;
@@ -127,8 +133,10 @@ int qrls_add_eliminating(qrls *q, double *rows, double *nuisance, int n)
 int qrls_solve(qrls *q, double *x, double rcond, qrls_facts *facts, errmsg *e)
 {
     fold(q);
-    if (q->failed)
-        return err_set(e, "least squares: LAPACK's QR factorisation failed");
+    if (q->failed) {
+        err_set(e, q->failed == -2 ? "least squares: out of memory" : "least squares: LAPACK's QR factorisation failed");
+        return q->failed;
+    }
     int n = q->n, m = n + 1;
     double *r = calloc((size_t)n * (size_t)n, sizeof *r);
     double *b = calloc((size_t)n, sizeof *b);
@@ -136,6 +144,7 @@ int qrls_solve(qrls *q, double *x, double rcond, qrls_facts *facts, errmsg *e)
     int code = -1, rank = 0;
     if (!r || !b || !s) {
         err_set(e, "least squares: out of memory");
+        code = -2;
         goto done;
     }
     for (int i = 0; i < n && i < q->filled; i++) {
@@ -143,8 +152,10 @@ int qrls_solve(qrls *q, double *x, double rcond, qrls_facts *facts, errmsg *e)
             r[(size_t)j * (size_t)n + (size_t)i] = q->a[(size_t)i * (size_t)m + (size_t)j];
         b[i] = q->a[(size_t)i * (size_t)m + (size_t)n];
     }
-    if (LAPACKE_dgelsd(LAPACK_COL_MAJOR, n, n, 1, r, n, b, n, s, rcond, &rank) != 0) {
-        err_set(e, "least squares: LAPACK's singular values did not converge");
+    lapack_int info = LAPACKE_dgelsd(LAPACK_COL_MAJOR, n, n, 1, r, n, b, n, s, rcond, &rank);
+    if (info != 0) {
+        code = no_memory(info) ? -2 : -1;
+        err_set(e, code == -2 ? "least squares: out of memory" : "least squares: LAPACK's singular values did not converge");
         goto done;
     }
     for (int i = 0; i < n; i++)

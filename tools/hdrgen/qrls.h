@@ -33,7 +33,7 @@ double *qrls_row(qrls *q);
  * n x (columns+1), overwritten. */
 int qrls_add_eliminating(qrls *q, double *rows, double *nuisance, int n);
 
-/* x of minimal norm among the minimisers, singular values below rcond * largest dropped. */
+/* x of minimal norm among the minimisers, singular values below rcond * largest dropped.  -1 failed, -2 out of memory. */
 int qrls_solve(qrls *q, double *x, double rcond, qrls_facts *facts, errmsg *e);
 
 #endif

@@ -38,6 +38,8 @@ void channel_free(channel *h)
     free(h->rt);
     free(h->y);
     free(h->cell);
+    free(h->code_w);
+    free(h->scatter);
 }
 
 int channel_alloc(channel *h, const samples *s, int c)
@@ -56,7 +58,9 @@ int channel_alloc(channel *h, const samples *s, int c)
     h->rt = calloc((size_t)h->kk, sizeof *h->rt);
     h->y = calloc((size_t)s->max_code + 1, sizeof *h->y);
     h->cell = calloc(cells, sizeof *h->cell);
-    return h->x && h->w && h->limit && h->shift && h->rt && h->y && h->cell ? 0 : -1;
+    h->code_w = calloc((size_t)s->max_code + 1, sizeof *h->code_w);
+    h->scatter = calloc(2 * cells, sizeof *h->scatter);
+    return h->x && h->w && h->limit && h->shift && h->rt && h->y && h->cell && h->code_w && h->scatter ? 0 : -1;
 }
 
 void channel_prepare(channel *h, const response *r, const noise_model *m, const double *lnt)
@@ -107,9 +111,7 @@ static float pedestal(const channel *h, int i)
 void channel_first_x(channel *h, const response *r, const noise_model *m)
 {
     int top = r->max_code;
-    float *w = calloc((size_t)top + 1, sizeof *w);
-    if (!w)
-        return;
+    float *w = h->code_w;
     for (int z = 1; z < top; z++) {
         double e = r->finv[h->c][z];
         w[z] = (float)(e * e / noise_variance(m, e, response_slope(r, h->c, z)));
@@ -123,7 +125,6 @@ void channel_first_x(channel *h, const response *r, const noise_model *m)
         }
         h->x[i] = den > 0 && num > 0 ? num / den : 0;
     }
-    free(w);
 }
 
 void channel_gather(channel *h)
@@ -168,7 +169,7 @@ void channel_gather(channel *h)
 }
 
 /* Put the residuals' scatter in cells of a third of an octave in e, and fit. */
-void channel_fit_noise(noise_model *m, const channel *h, const response *r, const double *lnt,
+int channel_fit_noise(noise_model *m, const channel *h, const response *r, const double *lnt,
                        const noise_model *fixed, int damped)
 {
     noise_cell sum[CELLS] = {{0}}, full[CELLS];
@@ -198,11 +199,13 @@ void channel_fit_noise(noise_model *m, const channel *h, const response *r, cons
             full[used++].relative_square /= sum[i].n;
         }
     noise_model was = *m;
-    if (noise_fit(m, full, used, fixed) == 0 && damped) { /* it also decides which samples are active */
+    int none = noise_fit(m, full, used, fixed);
+    if (!none && damped) { /* it also decides which samples are active */
         m->photon = 0.5 * (m->photon + was.photon);
         m->read = 0.5 * (m->read + was.read);
         m->code_var = 0.5 * (m->code_var + was.code_var);
     }
+    return none == -2 ? -1 : 0;
 }
 
 static int by_value(const void *a, const void *b)
@@ -217,8 +220,8 @@ void channel_fit_model_error(channel *h)
 {
     enum { FEW = 5, LEAST = 20 };
     int n = 0, all = BINS * h->kk;
-    double *rho = malloc(sizeof *rho * (size_t)all), *var = malloc(sizeof *var * (size_t)all);
-    for (int i = 0; i < all && rho && var; i++)
+    double *rho = h->scatter, *var = h->scatter + all;
+    for (int i = 0; i < all; i++)
         if (h->cell[i].n >= FEW && h->w[i] > 0) {
             double mean = h->cell[i].rho / h->cell[i].n;
             rho[n] = mean * mean;
@@ -230,8 +233,6 @@ void channel_fit_model_error(channel *h)
         qsort(var, (size_t)n, sizeof *var, by_value);
         h->model_error = fmax(rho[n / 2] / 0.455 - var[n / 2], 0); /* chi-square(1) has median 0.455 */
     }
-    free(rho);
-    free(var);
 }
 
 double channel_chi2(const channel *h)

@@ -27,6 +27,8 @@ typedef struct channel {
     float *rt;                /* 1 / t_k */
     float *y;                 /* finv as float */
     cellsum *cell;            /* [BINS * kk] */
+    float *code_w;            /* [max_code + 1] working space of channel_first_x, so that only channel_alloc can fail */
+    double *scatter;          /* [2 * BINS * kk] of channel_fit_model_error */
     double model_error;       /* mean square of what noise does not explain in the bins' means */
     double slack;             /* variances are multiplied by this while far from the solution */
 } channel;
@@ -46,8 +48,9 @@ void channel_first_x(channel *h, const response *r, const noise_model *m);
 /* X of every pixel, and the residuals by bin and exposure. */
 void channel_gather(channel *h);
 
-/* Noise model from the residuals' scatter; parameters of fixed that are >= 0 are kept.  damped: go half way. */
-void channel_fit_noise(noise_model *m, const channel *h, const response *r, const double *lnt,
+/* Noise model from the residuals' scatter; parameters of fixed that are >= 0 are kept.  damped: go half way.
+ * -1: out of memory. */
+int channel_fit_noise(noise_model *m, const channel *h, const response *r, const double *lnt,
                        const noise_model *fixed, int damped);
 
 /* h->model_error from the bins' means. */

@@ -168,11 +168,15 @@ int response_load(response *r, const char *path, int channels, int max_code, err
         fill_from_nodes(&got, &t);
     } else if (read_polynomial(&got, in, path, e))
         goto done;
-    for (int c = 0; c < channels; c++)
-        if (response_make_monotone(&got, c) < 0) {
+    for (int c = 0; c < channels; c++) {
+        int changed = response_make_monotone(&got, c);
+        if (changed == -2)
+            err_set(e, "%s: out of memory", path);
+        else if (changed < 0)
             err_set(e, "%s: expected exposures that are positive and finite above code 0", path);
+        if (changed < 0)
             goto done;
-        }
+    }
     snprintf(got.origin, sizeof got.origin, "file");
     *r = got;
     memset(&got, 0, sizeof got);

@@ -80,7 +80,7 @@ int response_make_monotone(response *r, int c)
     if (!mean || !end) {
         free(mean);
         free(end);
-        return -1;
+        return -2;
     }
     int blocks = 0;
     for (int z = 1; z <= n; z++) {

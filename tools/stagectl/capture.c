@@ -73,6 +73,19 @@ static int write_times(const capture_run *r, const place *p, errmsg *e)
     return out_commit(o, e);
 }
 
+int times_remove(const session *s, errmsg *e)
+{
+    char name[NAME_ROOM], path[4096];
+    for (int j = 0; j < s->nodes[1]; j++)
+        for (int i = 0; i < s->nodes[0]; i++) {
+            if (name_times(name, s, i, j, e) != 0) return -1;
+            if (!name[0]) return 0;
+            if (files_join(path, sizeof path, s->folder, name, e) != 0) return -1;
+            if (remove(path) != 0 && errno != ENOENT && errno != ENOTDIR) return err_errno(e, "%s", path);
+        }
+    return 0;
+}
+
 static stage_code finish_place(capture_run *r, const place *p, errmsg *e)
 {
     const journal_place *jp = journal_at(r->j, p->i, p->j);

@@ -57,6 +57,9 @@ int shots_commit(capture_run *r, errmsg *e);
 /* Take exposure k at a place and journal it; commits what is pending once a second has passed. */
 stage_code shot_take(capture_run *r, const place *p, const double arrived[2], int k, errmsg *e);
 
+/* Remove the lists of times of all places: none of them is done any more. */
+int times_remove(const session *s, errmsg *e);
+
 /* All that is left of the session.  Returns the exit code (STAGE_OK, or why it ended). */
 stage_code capture_all(capture_run *r, errmsg *e);
 

@@ -15,19 +15,10 @@
 #include <unistd.h>
 #include <zlib.h>
 
+#include "journal_internal.h"
 #include "outfile.h"
 
 static const char heading[] = "stagectl-journal 1";
-
-struct journal {
-    const session *s;
-    char *path;
-    int fd, lock_fd;
-    off_t length; /* of the good part, bytes */
-    journal_place *place;
-    int dropped, has_steps, has_last;
-    double steps[2], last[2];
-};
 
 /* ---- records in memory ----------------------------------------------------------------------- */
 
@@ -76,13 +67,37 @@ static int note_shot(journal *j, journal_place *p, int k, const journal_shot *sh
     return 0;
 }
 
+/* What is on record counts no longer, but its files are known to be ours. */
+void journal_strike_off(journal *j)
+{
+    size_t places = (size_t)j->s->nodes[0] * (size_t)j->s->nodes[1];
+    for (size_t p = 0; p < places; p++) {
+        journal_shot *shot = j->place[p].shot;
+        for (int k = 0; shot && k < j->s->exposures; k++) shot[k].taken = 0;
+        j->place[p] = (journal_place){.shot = shot};
+    }
+    j->has_steps = j->has_last = j->changed = 0;
+    memset(j->met, 0, sizeof j->met);
+    depends_free(&j->seen);
+}
+
 /* The words of one good record.  0, or -1 when they make no sense. */
 static int replay(journal *j, const char *w)
 {
     int i, jj, k, at = 0;
     double x, y;
     journal_shot t = {0};
-    if (!strncmp(w, "plan ", 5) || !strncmp(w, "run ", 4)) return 0;
+    if (!strncmp(w, "run ", 4)) return 0;
+    if (!strcmp(w, "anew")) {
+        journal_strike_off(j);
+        return 0;
+    }
+    if (!strncmp(w, "seen ", 5) && strspn(w + 5, "0123456789abcdef") == 64 && w[69] == ' ' && w[70]) {
+        char digest[65];
+        memcpy(digest, w + 5, 64);
+        digest[64] = 0;
+        return journal_note_seen(j, digest, w + 70);
+    }
     if (sscanf(w, "steps %lf %lf%n", &x, &y, &at) == 2 && !w[at] && isfinite(x) && isfinite(y)) {
         j->steps[0] = x;
         j->steps[1] = y;
@@ -128,9 +143,7 @@ static const char *checked(const char *line, size_t n)
     return end == line + 8 && crc == crc_of(line + 9, n - 9) ? line + 9 : NULL;
 }
 
-static int append(journal *j, errmsg *e, const char *fmt, ...) __attribute__((format(printf, 3, 4)));
-
-static int append(journal *j, errmsg *e, const char *fmt, ...)
+int journal_append(journal *j, errmsg *e, const char *fmt, ...)
 {
     char line[4096];
     va_list ap;
@@ -163,44 +176,20 @@ static int append(journal *j, errmsg *e, const char *fmt, ...)
 
 /* ---- opening --------------------------------------------------------------------------------- */
 
-static void identity_line(char *out, size_t room, const session *s, const session_key *k)
-{
-    char value[4096];
-    session_value(value, sizeof value, s, k);
-    snprintf(out, room, "plan %s.%s %s", k->section, k->name, value);
-}
-
 /* A new journal comes whole or not at all: heading and plan are written aside and renamed. */
 static int create(journal *j, errmsg *e)
 {
     outfile *o;
-    char line[4200];
+    char line[IDENTITY_ROOM];
     if (out_begin(&o, j->path, e) != 0) return -1;
     FILE *f = out_stream(o);
     fprintf(f, "%08" PRIx32 " %s\n", crc_of(heading, strlen(heading)), heading);
     for (const session_key *k = session_keys; k->name; k++) {
-        if (!k->identity) continue;
-        identity_line(line, sizeof line, j->s, k);
+        if (!journal_counts(j->s, k)) continue;
+        journal_identity(line, sizeof line, j->s, k);
         fprintf(f, "%08" PRIx32 " %s\n", crc_of(line, strlen(line)), line);
     }
     return out_commit(o, e);
-}
-
-static int same_plan(journal *j, const char *words, errmsg *e)
-{
-    char now[4200];
-    size_t name = strcspn(words + 5, " ");
-    for (const session_key *k = session_keys; k->name; k++) {
-        if (!k->identity) continue;
-        identity_line(now, sizeof now, j->s, k);
-        if (strncmp(now, words, 5 + name + 1) != 0) continue;
-        if (!strcmp(now, words)) return 0;
-        return err_set(
-            e,
-            "%s: the plan has changed: %.*s was '%.200s', is '%.200s'; use another folder for another plan",
-            j->path, (int)name, words + 5, words + 6 + name, now + 6 + name);
-    }
-    return err_set(e, "%s: the plan has changed: %.*s is unknown", j->path, (int)name, words + 5);
 }
 
 /* Read all records; *whole gets the length of the good part. */
@@ -224,6 +213,8 @@ static int read_all(journal *j, off_t *whole, errmsg *e)
     text[got] = 0;
     *whole = 0;
     int line_no = 0;
+    /* before the last "anew" another plan may have been at work: its records count only where they fit */
+    int old = memmem(text, size, " anew\n", 6) != NULL;
     for (char *at = text; !bad && at < text + size;) {
         char *end = memchr(at, '\n', (size_t)(text + size - at));
         const char *words = NULL;
@@ -242,15 +233,17 @@ static int read_all(journal *j, off_t *whole, errmsg *e)
         else if (!words)
             bad = err_set(e, "%s: line %d is damaged", j->path, line_no);
         else if (!strncmp(words, "plan ", 5))
-            bad = same_plan(j, words, e);
-        else if (line_no > 1 && replay(j, words) != 0)
+            bad = journal_same_plan(j, words);
+        else if (line_no > 1 && replay(j, words) != 0 && !old)
             bad = err_set(e, "%s: line %d makes no sense here", j->path, line_no);
+        if (words && !strcmp(words, "anew")) old = end && memmem(end, (size_t)(text + size - end), " anew\n", 6) != NULL;
         if (end) {
             at = end + 1;
             *whole = at - text;
         }
     }
     free(text);
+    if (!bad) journal_whole_plan(j);
     return bad;
 }
 
@@ -268,12 +261,14 @@ static int lock_folder(journal *j, errmsg *e)
     return bad;
 }
 
-int journal_open(journal **out, const session *s, int readonly, errmsg *e)
+int journal_open(journal **out, const session *s, int mode, errmsg *e)
 {
     journal *j = calloc(1, sizeof *j);
     off_t whole = 0;
+    const int readonly = mode == JOURNAL_READ;
     if (!j) return err_set(e, "out of memory");
     j->s = s;
+    j->readonly = readonly;
     j->fd = j->lock_fd = -1;
     j->place = calloc((size_t)s->nodes[0] * (size_t)s->nodes[1], sizeof *j->place);
     int bad = !j->place || asprintf(&j->path, "%s/journal", s->folder) < 0 ? err_set(e, "out of memory") : 0;
@@ -286,6 +281,7 @@ int journal_open(journal **out, const session *s, int readonly, errmsg *e)
     if (!bad && j->dropped && !readonly && (ftruncate(j->fd, whole) != 0 || fdatasync(j->fd) != 0))
         bad = err_errno(e, "%s", j->path);
     j->length = whole;
+    if (!bad && j->changed && mode != JOURNAL_ANEW) bad = err_set(e, "%s", j->why.text);
     if (bad) {
         journal_close(j);
         return -1;
@@ -302,6 +298,7 @@ void journal_close(journal *j)
     free(j->place);
     if (j->fd >= 0) close(j->fd);
     if (j->lock_fd >= 0) close(j->lock_fd);
+    depends_free(&j->seen);
     free(j->path);
     free(j);
 }
@@ -317,20 +314,20 @@ int journal_sync(journal *j, errmsg *e)
 
 int journal_run(journal *j, errmsg *e)
 {
-    return append(j, e, "run %lld", (long long)time(NULL));
+    return journal_append(j, e, "run %lld", (long long)time(NULL));
 }
 
 int journal_set_steps(journal *j, const double steps[2], errmsg *e)
 {
     memcpy(j->steps, steps, sizeof j->steps);
     j->has_steps = 1;
-    return append(j, e, "steps %.17g %.17g", steps[0], steps[1]);
+    return journal_append(j, e, "steps %.17g %.17g", steps[0], steps[1]);
 }
 
 int journal_begin(journal *j, int i, int jj, errmsg *e)
 {
     journal_at(j, i, jj)->begun = 1;
-    return append(j, e, "begin %d %d", i, jj);
+    return journal_append(j, e, "begin %d %d", i, jj);
 }
 
 int journal_arrived(journal *j, int i, int jj, const double xy[2], errmsg *e)
@@ -339,18 +336,18 @@ int journal_arrived(journal *j, int i, int jj, const double xy[2], errmsg *e)
     memcpy(p->arrived, xy, sizeof p->arrived);
     memcpy(j->last, xy, sizeof j->last);
     p->has_arrived = j->has_last = 1;
-    return append(j, e, "arrived %d %d %.6f %.6f", i, jj, xy[0], xy[1]);
+    return journal_append(j, e, "arrived %d %d %.6f %.6f", i, jj, xy[0], xy[1]);
 }
 
 int journal_shot_taken(journal *j, int i, int jj, int k, const journal_shot *t, const char *name, errmsg *e)
 {
     if (note_shot(j, journal_at(j, i, jj), k, t) != 0) return err_set(e, "out of memory");
-    return append(j, e, "shot %d %d %d %" PRId64 " %" PRId64 " %s %.6g %.6g %s %s", i, jj, k, t->size,
+    return journal_append(j, e, "shot %d %d %d %" PRId64 " %" PRId64 " %s %.6g %.6g %s %s", i, jj, k, t->size,
                   t->mtime_ns, t->digest, t->clip, t->black, t->temp, name);
 }
 
 int journal_done(journal *j, int i, int jj, errmsg *e)
 {
     journal_at(j, i, jj)->done = 1;
-    return append(j, e, "done %d %d", i, jj);
+    return journal_append(j, e, "done %d %d", i, jj);
 }

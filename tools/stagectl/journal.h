@@ -6,6 +6,8 @@
  *
  *   stagectl-journal 1            first
  *   plan SECTION.KEY VALUE        the plan's identity, one line a key
+ *   seen DIGEST NAME              a file that decides what the camera sees, by its contents (depends.h)
+ *   anew                          all above is struck off; the plan and the files that follow are those that count
  *   steps X Y                     steps/mm of the controller that it was begun with
  *   run SECONDS                   a run begins (Unix time)
  *   begin I J                     a place begins
@@ -23,6 +25,7 @@
 
 #include <stdint.h>
 
+#include "depends.h"
 #include "session.h"
 
 typedef struct journal journal;
@@ -43,10 +46,23 @@ typedef struct journal_place {
     journal_shot *shot; /* exposures of them; NULL before the first */
 } journal_place;
 
+typedef enum journal_mode {
+    JOURNAL_GO_ON,
+    JOURNAL_READ, /* for verify and status; no lock, no writing, and the journal has to be there */
+    JOURNAL_ANEW  /* whatever its plan: journal_anew follows */
+} journal_mode;
+
 /* Open or begin the journal of a session in its folder, which must exist.  Refuses a plan that differs from
- * the one it was begun with, naming the difference, and a session that another process is at work on.
- * readonly: for verify and status; no lock, no writing, and the journal has to be there. */
-int journal_open(journal **j, const session *s, int readonly, errmsg *e);
+ * the one it was begun with, naming the difference, and a session that another process is at work on. */
+int journal_open(journal **j, const session *s, int mode, errmsg *e);
+
+/* Strike off what is on record and begin again in the same file, by the plan as it is now. */
+int journal_anew(journal *j, errmsg *e);
+
+/* Compare the files that the camera's view depends on with those on record, and put on record what is not.  A changed one
+ * is refused while exposures are on record.  Returns how many were taken as they are though exposures stand on record
+ * from before such records were made (to be told), or -1. */
+int journal_seen(journal *j, const depends *d, errmsg *e);
 void journal_close(journal *j); /* NULL allowed */
 
 /* Its places, nodes[0] * nodes[1] of them, by i + j * nodes[0]. */

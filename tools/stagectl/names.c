@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "camerawords.h"
 #include "template.h"
 
 /* Plain names below the folder: nothing hidden, nothing that leads out. */
@@ -64,7 +65,7 @@ static int quote(char *out, size_t room, const char *s)
 int name_command(argwords *argv, const session *s, const place *p, const double arrived[2], int k,
                  const char *file, errmsg *e)
 {
-    char x[8][40], quoted[2 * NAME_ROOM + 4096], *word = malloc(WORD_ROOM);
+    char x[8][40], plane[256], quoted[2 * NAME_ROOM + 4096], *word = malloc(WORD_ROOM);
     double measured[2];
     argwords given, whole = {.n = 1};
     char *one[2] = {s->command, NULL};
@@ -76,6 +77,8 @@ int name_command(argwords *argv, const session *s, const place *p, const double 
     number(x[4], arrived[0]);
     number(x[5], arrived[1]);
     number(x[6], s->exposure[k]);
+    number(x[7], s->fov > 0 ? s->fov : camera_default_fov);
+    plane_text(plane, s->plane);
     int bad = word ? 0 : err_set(e, "out of memory");
     if (!bad && s->shell && quote(quoted, sizeof quoted, file) != 0)
         bad = err_set(e, "%s: the name is too long", file);
@@ -90,6 +93,9 @@ int name_command(argwords *argv, const session *s, const place *p, const double 
                               {"ay", x[3], 0},
                               {"mx", x[4], 0},
                               {"my", x[5], 0},
+                              {"plane", plane, 0},
+                              {"lens", s->lens[0] ? s->lens : camera_default_lens, 0},
+                              {"fov", x[7], 0},
                               {"i", NULL, p->i},
                               {"j", NULL, p->j},
                               {"k", NULL, k},

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "argwords.h"
+#include "camerawords.h"
 #include "fisheye.h"
 #include "ini.h"
 #include "names.h"
@@ -63,12 +64,26 @@ static char *read_text(const char *path, errmsg *e)
 static int place_folder(session *s, const char *path, errmsg *e)
 {
     const char *slash = strrchr(path, '/');
+    int n = slash ? (int)(slash + 1 - path) : 0;
     char *full;
+    free(s->home_folder);
+    if (asprintf(&s->home_folder, "%.*s", n, path) < 0) s->home_folder = NULL;
+    if (!s->home_folder) return err_set(e, "out of memory");
     if (s->folder[0] == '/' || !slash) return 0;
-    if (asprintf(&full, "%.*s/%s", (int)(slash - path), path, s->folder) < 0)
-        return err_set(e, "out of memory");
+    if (asprintf(&full, "%s%s", s->home_folder, s->folder) < 0) return err_set(e, "out of memory");
     free(s->folder);
     s->folder = full;
+    return 0;
+}
+
+/* A virtual camera renders for minutes at a place's first exposure. */
+static int settle_timeout(session *s, errmsg *e)
+{
+    argwords words;
+    if (s->timeout > 0) return 0;
+    if (camera_words(&words, s, e) != 0) return -1;
+    s->timeout = camera_is_virtual(&words) ? 3600 : 30;
+    argwords_free(&words);
     return 0;
 }
 
@@ -100,7 +115,8 @@ static int check(const session *s, errmsg *e)
         return err_set(e, "[camera] labels: expected them for {label}");
     if (!strstr(s->command, "{file}")) return err_set(e, "[camera] command: expected {file} in it");
     /* Names are tried on two nodes: each exposure of each place needs a name of its own. */
-    return names_check(s, e);
+    if (names_check(s, e) != 0) return -1;
+    return camera_agrees(s, e);
 }
 
 int session_load(session *out, const char *path, errmsg *e)
@@ -119,6 +135,7 @@ int session_load(session *out, const char *path, errmsg *e)
             bad =
                 err_set(e, "%s: expected '%s' in [%s]", path, session_keys[k].name, session_keys[k].section);
     if (!bad && check(&s, &why) != 0) bad = err_set(e, "%s: %s", path, why.text);
+    if (!bad) bad = settle_timeout(&s, e);
     if (!bad) bad = place_folder(&s, path, e);
     free(text);
     if (bad) {
@@ -134,7 +151,8 @@ void session_free(session *s)
     char **texts[] = {&s->driver, &s->port,       &s->axes,           &s->command,
                       &s->labels, &s->error_text, &s->exposures_text, &s->folder,
                       &s->file,   &s->times,      &s->before,         &s->beside,
-                      &s->hdrgen, &s->fishremap,  &s->ilfpack,        &s->light_field};
+                      &s->hdrgen, &s->fishremap,  &s->ilfpack,        &s->light_field,
+                      &s->depends, &s->lens,      &s->home_folder};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         free(*texts[i]);
         *texts[i] = NULL;

@@ -36,10 +36,13 @@ typedef struct session {
     double acceleration;    /* mm/s2, for the plan's times; 0 = not known */
     /* [camera] */
     char *command;
+    char *depends; /* files, by their contents part of the plan; "auto", "none" */
+    char *lens;    /* "" = as the command says, else virtualcamera's default */
+    double fov;    /* degrees; 0 = likewise */
     int shell;
     char *labels;      /* a word for each exposure, {label}; "" = none */
     char *error_text;  /* in the command's output it means failure; "" = none */
-    double timeout;    /* s beyond the exposure */
+    double timeout;    /* s beyond the exposure; 0 in the file is replaced by the camera's kind's */
     double kill_after; /* s from TERM to KILL */
     int retries;
     char *exposures_text;
@@ -55,7 +58,8 @@ typedef struct session {
     /* [output] */
     char *folder, *file, *times;
     int repeat_points;
-    /* [chain] for scenes/capture.mk; nothing of it matters here */
+    char *home_folder; /* of the session file: "" or ending in / */
+    /* [chain] for scenes/capture.mk; stagectl only checks it */
     char *before, *beside, *hdrgen, *fishremap, *ilfpack, *light_field;
 } session;
 
@@ -66,7 +70,7 @@ typedef struct session_key {
     size_t offset;      /* of the member in session */
     double least, most; /* numbers */
     const char *preset; /* default as text; NULL = must be given */
-    int identity;       /* part of the plan's identity */
+    int identity;       /* part of the plan's identity; 2: where the camera's command has it in braces */
     const char *help;
 } session_key;
 

@@ -20,7 +20,7 @@ static struct {
     const char *port, *driver;
     double feed, settle, home_timeout;
     double steps_per_mm[2], from[2];
-    int dry_run, assume_position, have_from;
+    int dry_run, assume_position, have_from, anew;
 } o = {.feed = 1500, .settle = 0.1, .home_timeout = 120};
 
 static int take_pair(const char *value, void *arg, errmsg *e)
@@ -41,6 +41,8 @@ static const cli_opt opts[] = {
     {"from", 0, CLI_CALL, o.from, take_pair, "X,Y", "move: the stage stands there (for c4, which can't say)"},
     {"assume-position", 0, CLI_FLAG, &o.assume_position, NULL, NULL,
      "capture: don't home, the stage has kept its position"},
+    {"anew", 0, CLI_FLAG, &o.anew, NULL, NULL,
+     "capture: take all exposures again, over those that are there: the room, or the plan, is another"},
     {"dry-run", 0, CLI_FLAG, &o.dry_run, NULL, NULL, "say what would be done; touch neither stage nor files"},
     {0}};
 
@@ -56,7 +58,8 @@ static const cli_prog prog = {
               "  capture SESSION       take what is not taken yet (resume SESSION: the same)\n"
               "  verify SESSION        compare all files with the journal\n"
               "  keys                  what may stand in a session file, with defaults\n"
-              "  get SESSION S.KEY     one value of it; list SESSION: lists of times, i fastest\n\n"
+              "  get SESSION S.KEY     one value of it; list SESSION: lists of times, i fastest\n"
+              "  seen SESSION          digests of the files that the camera's view depends on\n\n"
               "Exit codes: 0 done, 1 failed, 2 usage, 3 stage silent or unplugged, 4 stage\n"
               "refused, 130 interrupted after the stage was told to hold."};
 
@@ -262,8 +265,15 @@ static int do_capture(const char *path)
     if (files_join(inside, sizeof inside, s.folder, "journal", &e) != 0 ||
         files_make_parents(inside, &e) != 0)
         cli_fail(CLI_FAILED, "%s", e.text);
-    if (journal_open(&j, &s, 0, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
+    depends seen, after;
+    if (depends_find(&seen, &s, 1, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
+    if (journal_open(&j, &s, o.anew ? JOURNAL_ANEW : JOURNAL_GO_ON, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
+    if (o.anew && (times_remove(&s, &e) != 0 || journal_anew(j, &e) != 0)) cli_fail(CLI_FAILED, "%s", e.text);
     if (journal_dropped(j)) cli_note("%s/journal: dropped a torn last line", s.folder);
+    int adopted = journal_seen(j, &seen, &e);
+    if (adopted < 0) cli_fail(CLI_FAILED, "%s", e.text);
+    if (adopted)
+        cli_warn("%s/journal: what the camera saw is not on record for the exposures on disk; taken to be what it sees now", s.folder);
     plan_totals t;
     plan_sum(&t, &s, s.acceleration);
     double room = free_bytes(s.folder), more = (double)(t.exposures - journal_shots(j)) * s.file_mb * 1e6;
@@ -272,6 +282,11 @@ static int do_capture(const char *path)
     r.j = j;
     latest.places = t.places;
     stage_code c = capture_all(&r, &e);
+    if (c == STAGE_OK && r.shots_taken > 0) { /* nobody may have edited the room meanwhile */
+        if (depends_find(&after, &s, 1, &e) != 0 || journal_seen(j, &after, &e) < 0) c = STAGE_FAILED;
+        depends_free(&after);
+    }
+    depends_free(&seen);
     if (isatty(STDERR_FILENO) && !cli_quiet) fputs("\n", stderr);
     if (c == STAGE_OK)
         cli_note(s.adaptive ? "%ld places, %ld exposures on disk (%ld taken now, %ld left out as not needed)"
@@ -289,7 +304,10 @@ static int do_verify(const char *path)
     journal *j;
     errmsg e;
     load_session(&s, path);
-    if (journal_open(&j, &s, 1, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
+    depends seen;
+    if (journal_open(&j, &s, JOURNAL_READ, &e) != 0 || depends_find(&seen, &s, 0, &e) != 0 || journal_seen(j, &seen, &e) < 0)
+        cli_fail(CLI_FAILED, "%s", e.text);
+    depends_free(&seen);
     long amiss = reconcile(j, &s, 1, 0, warn, &e), done = 0, shots = journal_shots(j);
     if (amiss < 0) cli_fail(CLI_FAILED, "%s", e.text);
     for (int jj = 0; jj < s.nodes[1]; jj++)
@@ -326,6 +344,8 @@ int main(int argc, char **argv)
         code = show_get(argv[2], argv[3]);
     else if (!strcmp(what, "list") && n == 2)
         code = show_list(argv[2]);
+    else if (!strcmp(what, "seen") && n == 2)
+        code = show_seen(argv[2]);
     else if (!strcmp(what, "keys") && n == 1)
         code = show_keys();
     if (code < 0 && n == 0)

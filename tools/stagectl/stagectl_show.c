@@ -6,7 +6,10 @@
 #include <string.h>
 #include <sys/statvfs.h>
 
+#include "camerawords.h"
+#include "chaincheck.h"
 #include "cli.h"
+#include "depends.h"
 #include "names.h"
 #include "plan.h"
 
@@ -63,6 +66,9 @@ int show_plan(const char *path)
         cli_fail(CLI_FAILED, "%s: %s", path, e.text);
     else
         printf("travel      all points inside\n");
+    char words[256];
+    if (chain_check(words, &s, &e) != 0) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
+    printf("chain       %s\n", words);
     session_free(&s);
     return CLI_OK;
 }
@@ -71,14 +77,21 @@ int show_plan(const char *path)
 int show_get(const char *path, const char *what)
 {
     session s;
-    char value[4096];
+    char value[FILLED_ROOM], text[FILLED_ROOM];
+    errmsg e;
     load_session(&s, path);
     for (const session_key *k = session_keys; k->name; k++) {
         size_t n = strlen(k->section);
         if (strncmp(what, k->section, n) != 0 || what[n] != '.' || strcmp(what + n + 1, k->name) != 0)
             continue;
-        session_value(value, sizeof value, &s, k);
-        printf("%s\n", value);
+        session_value(text, sizeof text, &s, k);
+        int bad = 0;
+        if (!strcmp(what, "chain.fishremap"))
+            bad = session_fishremap(value, &s, &e);
+        else if (!strcmp(k->section, "chain"))
+            bad = session_fill(value, &s, text, &e);
+        if (bad) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
+        printf("%s\n", !strcmp(k->section, "chain") ? value : text);
         session_free(&s);
         return CLI_OK;
     }
@@ -104,6 +117,20 @@ int show_list(const char *path)
                     path, times, picture);
             printf("%s/%s\n", s.folder, times);
         }
+    session_free(&s);
+    return CLI_OK;
+}
+
+/* For make: the output changes when the room does. */
+int show_seen(const char *path)
+{
+    session s;
+    depends d;
+    errmsg e;
+    load_session(&s, path);
+    if (depends_find(&d, &s, 0, &e) != 0) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
+    for (int k = 0; k < d.n; k++) printf("%s %s\n", d.file[k].digest[0] ? d.file[k].digest : "missing", d.file[k].name);
+    depends_free(&d);
     session_free(&s);
     return CLI_OK;
 }

@@ -11,6 +11,7 @@
 int show_plan(const char *path);
 int show_get(const char *path, const char *what);
 int show_list(const char *path);
+int show_seen(const char *path);
 int show_keys(void);
 
 void load_session(session *s, const char *path);

@@ -1,8 +1,8 @@
 /*
  * viewcache.c - the cache of rendered views: key, look-up, store.
  *
- * The key is the SHA-256 of every input in words; an octree that names its scene files (made without
- * oconv -f) counts with the contents of those files.
+ * The key is the SHA-256 of every input in words; the octree counts with the contents of all files that it names
+ * (scenefiles.h).
  */
 #include <errno.h>
 #include <math.h>
@@ -11,57 +11,15 @@
 #include <sys/stat.h>
 
 #include "outfile.h"
+#include "scenefiles.h"
 #include "sha256.h"
 #include "viewrender.h"
 
-static const char magic[] = "virtualcamera view 1"; /* change it when the rendering changes */
+static const char magic[] = "virtualcamera view 2"; /* change it when the rendering changes */
 
 static void add_words(sha256 *h, const char *s)
 {
     sha256_add(h, s, strlen(s) + 1);
-}
-
-static int add_file(sha256 *h, const char *path, errmsg *e)
-{
-    char hex[65];
-    int64_t size;
-    if (sha256_file(hex, &size, path, e) != 0) return -1;
-    add_words(h, hex);
-    return 0;
-}
-
-static int get_string(char *s, size_t room, FILE *f)
-{
-    size_t n = 0;
-    for (int c; (c = getc(f)) > 0;) {
-        if (n + 1 >= room) return -1;
-        s[n++] = (char)c;
-    }
-    s[n] = 0;
-    return ferror(f) || feof(f) ? -1 : (int)n;
-}
-
-/* An octree: text header to an empty line, 2 bytes that tell the size of an object number (magic
- * 4*8+251+size, see Radiance's octree.h), 4 strings for the bounding cube, one object number, then the names
- * of the scene files, ended by an empty one (none when frozen).  Files that are not found are left to rtrace
- * to miss. */
-static void add_scene_files(sha256 *h, const char *octree)
-{
-    char s[4096];
-    FILE *f = fopen(octree, "rb");
-    if (!f) return;
-    while (fgets(s, sizeof s, f) && s[0] != '\n') {
-    }
-    int high = getc(f), low = getc(f), ok = low != EOF;
-    for (int i = 0; i < 4 && ok; i++) ok = get_string(s, sizeof s, f) >= 0;
-    int width = (high * 256 + low) - (4 * 8 + 251);
-    ok = ok && width >= 1 && width <= 8;
-    while (ok && get_string(s, sizeof s, f) > 0) {
-        errmsg ignored;
-        add_words(h, s);
-        (void)add_file(h, s, &ignored);
-    }
-    fclose(f);
 }
 
 int view_check_options(const argwords *options, errmsg *e)
@@ -81,8 +39,8 @@ int view_key(char hex[65], const fisheye *f, const camera_frame *c, const view_s
     char words[256];
     sha256_begin(&h);
     add_words(&h, magic);
-    if (add_file(&h, s->octree, e) != 0) return -1;
-    add_scene_files(&h, s->octree);
+    if (scene_digest(words, s->octree, e) != 0) return -1;
+    add_words(&h, words);
     if (stat(s->rtrace, &st) == 0) { /* another build of the renderer may see otherwise */
         snprintf(words, sizeof words, "%lld %lld.%09ld", (long long)st.st_size, (long long)st.st_mtim.tv_sec,
                  st.st_mtim.tv_nsec);

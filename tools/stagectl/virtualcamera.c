@@ -10,6 +10,7 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "ambientfile.h"
 #include "argwords.h"
 #include "cli.h"
 #include "curvefile.h"
@@ -117,10 +118,9 @@ static const cli_prog prog = {
     .opts = opts,
     .epilog = "The camera looks along U x V with +V up in the picture, so +U is to the left."};
 
-/* rtrace of the same installation, and its function files unless the user has chosen others. */
+/* rtrace of the same installation; it finds its function files by itself. */
 static void find_rtrace(char path[PATH_MAX])
 {
-    char lib[PATH_MAX + 16];
     ssize_t n = readlink("/proc/self/exe", path, PATH_MAX - 8);
     char *slash = NULL;
     if (n > 0) {
@@ -128,13 +128,8 @@ static void find_rtrace(char path[PATH_MAX])
         slash = strrchr(path, '/');
     }
     if (slash) {
-        *slash = 0;
-        snprintf(lib, sizeof lib, ".:%s/../lib", path);
         strcpy(slash, "/rtrace");
-        if (access(path, X_OK) == 0) {
-            setenv("RAYPATH", lib, 0);
-            return;
-        }
+        if (access(path, X_OK) == 0) return;
     }
     strcpy(path, "rtrace");
 }
@@ -192,6 +187,9 @@ static void see(float *radiance, const fisheye *f, const camera_frame *c, const 
         if (found < 0) cli_fail(CLI_FAILED, "%s", e.text);
         if (found) return;
     }
+    char remark[512];
+    if (ambient_settle(remark, s->options, s->octree, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
+    if (remark[0]) cli_warn("%s", remark);
     if (view_render(radiance, f, c, s, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
     if (o.cache && view_store(radiance, f->size, o.cache, key, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
 }

@@ -1,0 +1,183 @@
+"""What `make install` leaves: everything that make builds, usable from wherever it is moved; and what `make env` prints."""
+import os
+import re
+import shutil
+import stat
+import subprocess
+
+import numpy as np
+import pytest
+from conftest import BUILD, SHARED, TOP, environment
+
+SCENE = """void plastic grey
+0
+0
+5 .5 .5 .5 0 0
+!genbox grey box .4 .3 .2 | xform -t -.2 -.15 0
+!gensurf grey hill '.5*s' '.5*t' '.05*sin(6*s)*cos(5*t)' 4 4
+!genprism grey post 4 0 0 .1 0 .1 .1 0 .1 -l 0 0 .3
+void light lamp
+0
+0
+3 100 100 100
+lamp sphere bulb
+0
+0
+4 0 0 2 .1
+"""
+
+
+def make(*args, env=None):
+    if os.environ.get("ILF_BUILD", "build") != "build":
+        args = ("SAN=1", *args)
+    return subprocess.run(["make", "-s", *map(str, args)], cwd=TOP, env=env or environment(MAKEFLAGS="", MAKELEVEL=""), capture_output=True, text=True, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """An installation with a DESTDIR that was moved afterwards, blanks in its name: (tree, what was said)."""
+    if not (BUILD / "bin/rpict").exists():
+        pytest.skip("not built: rpict")
+    folder = tmp_path_factory.mktemp("install")
+    p = make("install", f"DESTDIR={folder}/stage it", "PREFIX=/opt/light field", "PROGRAM_PREFIX=ilf-")
+    assert p.returncode == 0, p.stderr
+    moved = folder / "moved here"
+    (folder / "stage it/opt/light field").rename(moved)
+    assert not list((folder / "stage it").rglob("*.*"))                 # nothing was left elsewhere
+    return moved, p.stdout
+
+
+def shell(tree, text, cwd, raypath=True):
+    """In a shell that knows the installed tree and nothing of the build."""
+    env = {"PATH": f"{tree}/bin:/usr/bin:/bin", "HOME": str(cwd)}
+    if raypath:
+        env["RAYPATH"] = f".:{tree}/lib/ray"
+    return subprocess.run(["sh", "-euc", text], cwd=cwd, env=env, capture_output=True, text=True, timeout=100)
+
+
+OURS = "hdrgen fishremap falloffcal ilfpack ilfinfo ilftrace stagectl virtualstage virtualcamera".split()
+
+
+def test_all_that_make_builds_is_installed(installed):
+    tree, said = installed
+    built = {f.name for b in {BUILD, TOP / "build"} for f in (b / "bin").iterdir() if f.is_file()}
+    there = {f.name for f in (tree / "bin").iterdir()}
+    assert there == {f"ilf-{p}" if p in OURS else p for p in built} and len(there) > 40
+    data = {str(f.relative_to(TOP / "build/lib")) for f in (TOP / "build/lib").rglob("*")
+            if f.is_file() and f.suffix != ".a" and not f.name.startswith(".")}
+    assert data == {str(f.relative_to(tree / "lib/ray")) for f in (tree / "lib/ray").rglob("*") if f.is_file()}
+    assert "rayinit.cal" in data and "helvet.fnt" in data
+    assert {f.stem for f in (tree / "share/man/man1").iterdir()} == {f"ilf-{p}" for p in OURS} and (tree / "share/man/man7/ilf.7").exists()
+    for f in tree.rglob("*"):
+        mode = stat.S_IMODE(f.stat().st_mode)
+        assert mode == (0o755 if f.is_dir() or f.parent.name == "bin" else 0o644), f
+    assert 'RAYPATH=".:/opt/light field/lib/ray' in said and "stage it" in said
+
+
+def test_licences_are_installed(installed):
+    doc = installed[0] / "share/doc/ilf"
+    assert (doc / "LICENSE").read_text() == (TOP / "LICENSE").read_text()
+    assert "Radiance Software License, Version 2.0" in (doc / "Radiance-License.txt").read_text()
+    assert "Name: pyradiance" in (doc / "pyradiance.txt").read_text()
+
+
+def test_a_scene_with_generators_keeps_its_parts(installed, tmp_path):
+    tree, _ = installed
+    (tmp_path / "s.rad").write_text(SCENE)
+    p = shell(tree, "oconv s.rad > s.oct; xform -e s.rad | grep -c polygon", tmp_path)
+    assert p.returncode == 0 and p.stderr == "", p.stderr
+    assert int(p.stdout) > 6 + 16 + 2                                   # box, hill, post
+    demo = shell(tree, f"cd {TOP}/scenes/demo; xform -e objects.rad table.rad 2>&1 >/dev/null | grep -v statue.rtm || :", tmp_path)
+    assert "not found" not in demo.stdout + demo.stderr
+    case = SHARED / "cases/install_genbox"
+    if case.is_dir():
+        shutil.copy(case / "box.rad", tmp_path)
+        p = shell(tree, "oconv box.rad > box.oct; xform -e box.rad | grep -c polygon", tmp_path)
+        assert p.returncode == 0 and p.stderr == "" and int(p.stdout) >= 6
+
+
+def test_path_alone_is_enough_to_render_and_to_capture(installed, tmp_path):
+    """Without RAYPATH: the renderers and the virtual camera find the function files of their own tree."""
+    tree, _ = installed
+    (tmp_path / "s.rad").write_text(SCENE)
+    p = shell(tree, """oconv s.rad > s.oct
+        rpict -vp 0 -3 1 -vd 0 3 -.8 -vu 0 0 1 -x 24 -y 24 s.oct > s.hdr
+        printf '0 0 2  0 0 -1\\n' | rtrace -h s.oct | rcalc -f gauss.cal -e '$1=$1' > value
+        ilf-virtualcamera --octree s.oct --plane "-.1 -.1 .5 .2 0 0 0 .2 0" --grid 1x1 --node 0,0 --size 32 -o view.exr
+        ilf-fishremap --lens equidistant --fov 185 --size 16x8 -o probe.exr view.exr
+        ilf-ilfpack --grid 1x1 --plane "-.1 -.1 .5 .2 0 0 0 .2 0" --type float -o s.ilf.exr probe.exr
+        printf 'void ilf room\\n1 s.ilf.exr\\n0\\n0\\nroom bubble all\\n0\\n0\\n4 0 0 0 5\\n' > room.rad
+        sed '/^void light/,$d' s.rad > objects.rad
+        oconv objects.rad room.rad > lit.oct
+        rpict -ab 1 -ad 16 -vp 0 -3 1 -vd 0 3 -.8 -vu 0 0 1 -x 24 -y 24 lit.oct | pvalue -h -H -d -b > lit.txt""", tmp_path, raypath=False)
+    assert p.returncode == 0, p.stderr
+    assert float(np.loadtxt(tmp_path / "lit.txt").max()) > 0 and (tmp_path / "s.hdr").stat().st_size > 100
+
+
+def test_letters(installed, tmp_path):
+    """psign and the text materials have a font; all printable characters, no two alike."""
+    tree, _ = installed
+    (tmp_path / "t.rad").write_text("void brighttext tx\n2 helvet.fnt t.txt\n0\n11 0 1 0  1 0 0  0 -1 0  1 .1\n"
+                                    "tx glow g\n0\n0\n4 1 1 1 0\ng polygon p\n0\n0\n12 0 0 0  6 0 0  6 1 0  0 1 0\n")
+    (tmp_path / "t.txt").write_text("HI. lo\n")
+    p = shell(tree, "oconv t.rad > t.oct; rpict -w -vtl -vp 3 .5 1 -vd 0 0 -1 -vu 0 1 0 -vh 6 -vv 1 -ps 1 -pj 0 -x 240 -y 40 t.oct > t.hdr; pvalue -h -H -d -b t.hdr > t.val;"
+                    "psign HI > sign.hdr; pvalue -h -d -b sign.hdr > sign.val", tmp_path)
+    assert p.returncode == 0 and p.stderr == "", p.stderr
+    cells = np.loadtxt(tmp_path / "t.val").reshape(40, 6, 40) > 0.5    # [y, letter, x]: lit where a letter is
+    share = cells.mean((0, 2))
+    assert share[3] == 0 and 0.01 < share[2] < 0.1 and all(0.07 < s < 0.6 for s in share[[0, 1, 4, 5]])
+    h = cells[:, 0]
+    assert np.abs(h.astype(int) - h[:, ::-1]).mean() < 0.15             # H is its own mirror image
+    sign = np.loadtxt(tmp_path / "sign.val", skiprows=1)
+    assert sign.min() == 0 and sign.max() > 0.9
+    glyphs, words = {}, [w for line in (tree / "lib/ray/helvet.fnt").read_text().splitlines() for w in line.split("#")[0].split()]
+    while words:
+        code, n = int(words[0]), int(words[1])
+        glyphs[code] = tuple(map(int, words[2:2 + 2 * n]))
+        del words[:2 + 2 * n]
+    assert sorted(glyphs) == list(range(32, 127)) and len(set(glyphs.values())) == 95 and glyphs[32] == ()
+    assert all(0 <= v < 256 for g in glyphs.values() for v in g)
+
+
+def test_library_is_found_by_pkg_config(installed, tmp_path):
+    tree, _ = installed
+    if not shutil.which("pkg-config"):
+        pytest.skip("pkg-config is not there")
+    (tmp_path / "t.c").write_text("#include <ilf.h>\nint main(void) { return !ilf_open; }\n")
+    env = dict(os.environ, PKG_CONFIG_PATH=f"{tree}/lib/pkgconfig")
+    where = ["--define-variable", f"prefix={tree}"]
+    flags = subprocess.run(["pkg-config", *where, "--cflags", "--libs", "ilf"], env=env, capture_output=True, text=True)
+    assert flags.returncode == 0, flags.stderr
+    p = subprocess.run(["sh", "-c", f"eval gcc -o t t.c '{flags.stdout.strip()}' -fsanitize=address,undefined && ./t"], cwd=tmp_path, capture_output=True, text=True)
+    assert p.returncode == 0, p.stderr
+
+
+def test_prefix_may_be_relative_and_installing_twice_is_the_same(tmp_path):
+    if not (BUILD / "bin/rpict").exists():
+        pytest.skip("not built: rpict")
+    for _ in range(2):
+        p = make("install", f"PREFIX={tmp_path}/x")
+        assert p.returncode == 0 and re.search(rf"installed under {tmp_path}/x", p.stdout), p.stderr
+    names = sorted(str(f.relative_to(tmp_path)) for f in tmp_path.rglob("*"))
+    assert "x/bin/hdrgen" in names and "x/bin/genbox" in names and not [n for n in names if n.endswith(".part")]
+
+
+# ---- make env ------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("before", [None, "", ".:/home/me/my lib:/usr/local/lib/ray", "/one"])
+def test_env_keeps_what_the_shell_had(before):
+    """PATH, RAYPATH, MANPATH: ours in front, the user's behind; what Radiance has by default where there was none."""
+    env = environment(MAKEFLAGS="", MAKELEVEL="", PATH="/home/me/a b:/usr/bin:/bin")
+    for name in ("RAYPATH", "MANPATH"):
+        env.pop(name, None)
+        if before is not None:
+            env[name] = before
+    line = make("env", env=env).stdout
+    assert line.count("\n") == 1
+    for sh in ("sh", "bash"):
+        p = subprocess.run([sh, "-euc", 'eval "$LINE"; printf "%s\\n" "$PATH" "$RAYPATH" "$MANPATH"'], env=dict(env, LINE=line), capture_output=True, text=True)
+        assert p.returncode == 0, p.stderr
+        path, ray, man = p.stdout.splitlines()
+        assert path.startswith(f"{BUILD}/bin:") and path.endswith(":/home/me/a b:/usr/bin:/bin")
+        assert ray == f".:{TOP}/build/lib:{before or '/usr/local/lib/ray'}"
+        assert man == f"{TOP}/build/man:{before or ''}"                 # an empty part is the system's default
