@@ -372,7 +372,7 @@ ilfliteral(			/* say that light field isn't a source */
 	} else
 		objerror(m, WARNING, r->rox != NULL &&
 				rm != NULL && r->ro->otype != OBJ_INSTANCE ?
-"found in an instance or mesh too late: the literal method is used (make the octree inside again)" :
+"in an octree or mesh that does not tell of it: the literal method is used (make the octree again)" :
 				"the literal method is used");
 	ip->warned = 1;
 }
