@@ -194,6 +194,8 @@ ilfreport(void)			/* print what light fields were used */
 	ilf_usage  use;
 	const ilf_info  *ii;
 
+	if (!nrays)			/* ended before it began */
+		return;
 	for (fp = ilflist; fp != NULL; fp = fp->next) {
 		ilf_get_usage(&use, fp->field);
 		ii = ilf_get_info(fp->field);
