@@ -78,7 +78,7 @@ def test_the_case_itself(tmp_path):
     octree = oconv(tmp_path, (tmp_path / "scene.rad").read_text(), "s")
     for first, then in ((0, 16), (16, 0)):
         got = made(tmp_path, octree, first, "-ad", "4096", stdin=point)
-        assert np.allclose(got, (3.954, 3.958, 3.959), rtol=0.02)
+        assert np.allclose(got, (3.954, 3.958, 3.959), rtol=0.05)   # of 16 samples
         refused(tmp_path, octree, then)
 
 
