@@ -68,7 +68,8 @@ useilfs(			/* call f for each ilf that a modifier leads to */
 	int  i, n, found = 0;
 
 	for ( ; mod != OVOID; mod = m->omod) {
-		m = tm = objptr(t = mod);
+		t = mod;
+		m = tm = objptr(t);
 		if (m->otype == MOD_ALIAS && !m->oargs.nsargs)
 			continue;		/* stands for its modifier */
 		while (tm->otype == MOD_ALIAS) {
