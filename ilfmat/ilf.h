@@ -118,6 +118,11 @@ ilf_status ilf_check_unchanged(const ilf *field, ilf_error *err);
  * May be called in a signal handler.  (Files to be replaced while in use are replaced by rename: then nothing happens.) */
 const char *ilf_fault(const ilf *field, const void *address);
 
+/* A number that tells the field's values from any other's: the same for the same values however they are stored, and another
+ * (but for one chance in 2^64) where a single texel, the grid, or the polar angles differ.  The plane does not count.
+ * Looks through every probe; fails as ilf_read_probe does. */
+ilf_status ilf_digest(uint64_t *digest, const ilf *field, ilf_error *err);
+
 /* One probe's texels as float, n_phi*n_theta*3, row-major from phi = 0, R G B interleaved. */
 ilf_status ilf_read_probe(float *rgb, const ilf *field, int i, int j, ilf_error *err);
 

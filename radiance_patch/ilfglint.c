@@ -115,7 +115,8 @@ isglossy(			/* is ray's surface shiny but rough? */
 
 static void
 findballs(			/* find the scene's shiny balls */
-	ILFMAT  *ip
+	ILFMAT  *ip,
+	const RAY  *r
 )
 {
 	ILFBALL  *bp;
@@ -147,7 +148,7 @@ findballs(			/* find the scene's shiny balls */
 		bp->o = o;
 		bp->alpha = alpha;
 		if (ilf_sampler_lamps(bp->lamp, &bp->nl, MAXLAMP,
-				ilfsampler(ip), o->oargs.farg,
+				ilfsampler(ip, r), o->oargs.farg,
 				o->oargs.farg[3], &err) != ILF_OK)
 			ilferror(ip->m, &err);
 		ip->nballs += (bp->nl > 0);
@@ -208,6 +209,7 @@ static int
 setglints(			/* find glints from a point */
 	GLINT  *gl,
 	ILFMAT  *ip,
+	const RAY  *r,		/* ray that is at the point, or begins there */
 	const FVECT  x
 )
 {
@@ -220,7 +222,7 @@ setglints(			/* find glints from a point */
 	int  i, k, ng = 0;
 
 	if (ip->nballs < 0)
-		findballs(ip);
+		findballs(ip, r);
 	for (bp = ip->ball; bp < ip->ball+ip->nballs; bp++) {
 		fa = bp->o->oargs.farg;
 		R = fa[3];
@@ -314,7 +316,7 @@ glintdone(			/* does a glint cone count this ray? */
 	if (!(glintparts(ar->parent) & (ar->rtype == AMBIENT ? DIRDIFF :
 			ar->rtype == SPECULAR ? DIRSPEC : 0)))
 		return(0);
-	n = setglints(gl, ip, ar->rorg);
+	n = setglints(gl, ip, ar, ar->rorg);
 	i = inglint(gl, n, ar->rdir);
 	return(i >= 0 && gl[i].o == ar->ro);
 }
@@ -369,7 +371,7 @@ ilfglints(			/* add light field's glints on balls */
 
 	if (!(parts = glintparts(r)))
 		return;
-	ng = setglints(gl, ip, r->rop);
+	ng = setglints(gl, ip, r, r->rop);
 	for (i = 0; i < ng; i++) {
 		n = ilfsamp*r->rweight*GLINTRAYS + .999;
 		if (n > MAXGRAY)

@@ -67,7 +67,7 @@ typedef struct {
 
 int  dirparts = DIRDIFF|DIRSPEC;	/* components of coefficients */
 
-static ILFMAT  *ilfsrcs = NULL;		/* light fields to sample */
+static const RAY  *auxray = NULL;	/* ray for whom auxhit() looks */
 
 static ILFCND  *cand = NULL;		/* our candidates */
 static int  maxcand = 0;
@@ -78,42 +78,13 @@ static double  setuptime = 0;		/* CPU seconds finding what's bright */
 
 
 void
-markilf(			/* note surface made of light field */
-	OBJREC  *o,
-	OBJREC  *m
-)
-{
-	static int  warned = 0;
-	ILFMAT  *ip = getilf(m);
-	int  ns;
-
-	if (photonMapping && !warned++)
-		objerror(m, WARNING, "no photons come from a light field");
-	if (o->otype != OBJ_SOURCE && (ilfsamp <= 0) | (ip->sn >= 0))
-		return;
-	if ((ns = newsource()) < 0)
-		error(SYSTEM, "out of memory in markilf");
-	if (o->otype == OBJ_SOURCE)	/* sourcehit() must find it */
-		setsource(&source[ns], o);
-	else
-		source[ns].so = o;
-	source[ns].sflags |= SSKIP|SILF;	/* not sampled as others are */
-	if ((ilfsamp <= 0) | (ip->sn >= 0))
-		return;
-	ip->sn = ns;
-	ip->next = ilfsrcs;
-	ilfsrcs = ip;
-}
-
-
-void
 dropilf(			/* forget material about to be freed */
 	ILFMAT  *ip
 )
 {
 	ILFMAT  **ipp;
 
-	for (ipp = &ilfsrcs; *ipp != NULL; ipp = &(*ipp)->next)
+	for (ipp = &ilfmats; *ipp != NULL; ipp = &(*ipp)->next)
 		if (*ipp == ip) {
 			*ipp = ip->next;
 			break;
@@ -134,16 +105,17 @@ auxhit(				/* find auxiliary geometry along ray */
 	void  *p
 )
 {
-	OBJREC  *m = (OBJREC *)p;
+	ILFMAT  *ip = (ILFMAT *)p;
 	RAY  tr;
 	int  n;
 
 	rayorigin(&tr, PRIMARY, NULL, NULL);
+	tr.parent = auxray;		/* so that newrayxf() spares its own */
 	tr.rmax = 0.0;
 	VCOPY(tr.rorg, org);
 	VCOPY(tr.rdir, dir);
 	for (n = ILFMAXPASS; n-- > 0 && localhit(&tr, &thescene); ) {
-		if (findmaterial(tr.ro) == m && tr.rox == NULL) {
+		if (ilfseen(ip, &tr)) {
 			VCOPY(hit, tr.rop);
 			return(1);
 		}
@@ -158,14 +130,16 @@ static double
 auxdist(			/* distance of auxiliary geometry */
 	FVECT  org,
 	FVECT  dir,
-	OBJREC  *m
+	ILFMAT  *ip,
+	const RAY  *r
 )
 {
 	FVECT  hit;
 				/* a map that expects nothing here knows no
 				   distance, and a wrong one shows lamps
 				   where there are none */
-	if (!auxhit(hit, org, dir, m))
+	auxray = r;
+	if (!auxhit(hit, org, dir, (void *)ip))
 		return(FHUGE);
 	return(sqrt(dist2(hit, org)));
 }
@@ -173,20 +147,22 @@ auxdist(			/* distance of auxiliary geometry */
 
 ilf_sampler *
 ilfsampler(			/* find what is bright in light field */
-	ILFMAT  *ip
+	ILFMAT  *ip,
+	const RAY  *r		/* ray that asks */
 )
 {
 	ilf_sampler_spec  spec;
 	ilf_error  err;
 	clock_t  start;
 
+	auxray = r;
 	if (ip->smp != NULL)
 		return(ip->smp);
 	start = clock();
 	memset(&spec, 0, sizeof(spec));
 	spec.mode = ip->mode;
 	spec.hit = auxhit;
-	spec.context = ip->m;
+	spec.context = (void *)ip;
 	if (ilf_sampler_open(&ip->smp, ip->file->field, &ip->frame,
 			&spec, &err) != ILF_OK)
 		ilferror(ip->m, &err);
@@ -219,9 +195,6 @@ ilfpart(			/* which part does a ray see? */
 )
 {
 	const RAY  *rp = r;
-				/* seen in an instance, or not sampled */
-	if ((ip->sn < 0) | (r->rox != NULL))
-		return(r->crtype & SHADOW ? ILF_NONE : ILF_ALL);
 				/* go back to where it was scattered */
 	while (rp->rtype & TRANS && rp->parent != NULL &&
 			DOT(rp->rdir, rp->parent->rdir) >= 1. - 1e-9)
@@ -370,7 +343,7 @@ drawcands(			/* draw and weigh candidates */
 		cp->targ = d * excessat(ip, r->rop, cp->dir, dr.far);
 		if (ip->mode == ILF_DEPTH && dr.far >= FHUGE &&
 				cp->targ > 0.0) {
-			dr.near = dr.far = auxdist(r->rop, cp->dir, ip->m);
+			dr.near = dr.far = auxdist(r->rop, cp->dir, ip, r);
 			cp->targ = d * excessat(ip, r->rop, cp->dir, dr.far);
 		}
 		if (ip->mode == ILF_DEPTH) {
@@ -418,7 +391,7 @@ sampleilf(			/* add light field's excess */
 		n &= ~DIRSPEC;
 	if (!n)
 		return;
-	if (ilf_sampler_slice(&sp, ilfsampler(ip), r->rop, &err) != ILF_OK)
+	if (ilf_sampler_slice(&sp, ilfsampler(ip, r), r->rop, &err) != ILF_OK)
 		ilferror(ip->m, &err);
 	if (sp == NULL)
 		return;			/* nothing bright from here */
@@ -491,8 +464,10 @@ ilfdirect(			/* add direct part of light fields */
 {
 	ILFMAT  *ip;
 
-	for (ip = ilfsrcs; ip != NULL; ip = ip->next) {
-		if (!ilf_sampler_patches(ilfsampler(ip)))
+	for (ip = ilfmats; ip != NULL; ip = ip->next) {
+		if (ip->sn < 0)
+			continue;	/* not sampled */
+		if (!ilf_sampler_patches(ilfsampler(ip, r)))
 			continue;	/* nothing bright */
 		sampleilf(ip, r, f, p);
 		if (!inglintray())
@@ -506,13 +481,16 @@ ilfsrcreport(void)		/* print what was sampled */
 {
 	double  npatches = 0, nslices = 0;
 	ILFMAT  *ip;
+	int  n = 0;
 
-	for (ip = ilfsrcs; ip != NULL; ip = ip->next)
+	for (ip = ilfmats; ip != NULL; ip = ip->next) {
+		n += (ip->sn >= 0);
 		if (ip->smp != NULL) {
 			npatches += ilf_sampler_patches(ip->smp);
 			nslices += ilf_sampler_slices(ip->smp);
 		}
-	if (ilfsrcs == NULL)
+	}
+	if (!n)
 		return;
 	sprintf(errmsg,
 "light fields: %.0f bright patches in %.2f s, %.0f slices, %lu candidates, %lu shadow rays\n",

@@ -26,13 +26,21 @@ typedef struct ilfmat {
 	ILFFILE  *file;			/* our file */
 	ilf_frame  frame;		/* plane in the material's space */
 	ilf_mode  mode;			/* depth correction */
-	OBJREC  *m;			/* our material */
+	OBJREC  *m;			/* our material, if marked */
 	int  sn;			/* source to aim at, -1 if none */
 	ilf_sampler  *smp;		/* what is bright, NULL till needed */
 	struct ilfball  *ball;		/* shiny balls that show lamps */
 	int  nballs;			/* number of balls, -1 till known */
-	struct ilfmat  *next;		/* next to be sampled */
+	int  marked;			/* do surfaces show it? */
+	int  mixed;			/* some by more than their material? */
+	int  warned;			/* said that it's literal */
+	int  inside;			/* is it in an instance? */
+	FULLXF  xf;			/* where then */
+	struct ilfmat  *place;		/* same in (another) instance */
+	struct ilfmat  *next;		/* next that surfaces show */
 }  ILFMAT;			/* a material's light field */
+
+extern ILFMAT	*ilfmats;	/* light fields that surfaces show */
 
 					/* which part of the radiance counts */
 #define  ILF_NONE	0
@@ -53,11 +61,27 @@ extern void	ilferror(OBJREC *m, ilf_error *ep);
 					/* print what light fields were used */
 extern void	ilfreport(void);
 
+	/* ilfmark.c */
+					/* find surfaces of light fields */
+extern int	markilfs(int lit);
+					/* light field as placed where ray met */
+extern ILFMAT	*ilfplaced(ILFMAT *ip, const RAY *r);
+					/* did ray meet this light field? */
+extern int	ilfseen(const ILFMAT *ip, const RAY *r);
+					/* is it a source for this ray? */
+extern int	ilfaimed(ILFMAT *ip, const RAY *r);
+					/* say that it isn't a source */
+extern void	ilfliteral(ILFMAT *ip, OBJREC *m, const RAY *r);
+
+	/* ilfamb.c */
+					/* tell ambient file's light fields */
+extern void	ilfputamb(FILE *fp);
+					/* check ambient file's light fields */
+extern void	ilfcheckamb(FILE *fp);
+
 	/* ilfsrc.c */
-					/* note surface o made of ilf m */
-extern void	markilf(OBJREC *o, OBJREC *m);
 					/* find (once) what is bright */
-extern ilf_sampler	*ilfsampler(ILFMAT *ip);
+extern ilf_sampler	*ilfsampler(ILFMAT *ip, const RAY *r);
 					/* which part a ray sees that met an ilf */
 extern int	ilfpart(ILFMAT *ip, RAY *r);
 					/* forget material about to be freed */

@@ -207,12 +207,9 @@ getilf(				/* get (open) material's light field */
 	ip = (ILFMAT *)malloc(sizeof(ILFMAT));
 	if (ip == NULL)
 		error(SYSTEM, "out of memory in getilf");
-	ip->m = m;
+	memset((void *)ip, 0, sizeof(ILFMAT));
 	ip->sn = -1;
-	ip->smp = NULL;
-	ip->ball = NULL;
 	ip->nballs = -1;
-	ip->next = NULL;
 	ip->mode = ILF_DEPTH;
 	if (m->oargs.nsargs > 1) {
 		if (!strcmp(m->oargs.sarg[1], "nodepth"))
@@ -240,11 +237,17 @@ freeilf(			/* free material's light field */
 )
 {
 	ILFMAT  *ip = (ILFMAT *)m->os;
+	ILFMAT  *pp;
 	ILFFILE  **fpp;
 
 	if (ip == NULL)
 		return;
 	dropilf(ip);
+	while ((pp = ip->place) != NULL) {
+		ip->place = pp->place;
+		dropilf(pp);
+		free((void *)pp);
+	}
 	if (!--ip->file->nused)		/* last user closes file */
 		for (fpp = &ilflist; *fpp != NULL; fpp = &(*fpp)->next)
 			if (*fpp == ip->file) {
@@ -267,6 +270,8 @@ ilfreport(void)			/* print what light fields were used */
 	ilf_usage  use;
 	const ilf_info  *ii;
 
+	if (!nrays)			/* ended before it began */
+		return;
 	for (fp = ilflist; fp != NULL; fp = fp->next) {
 		ilf_get_usage(&use, fp->field);
 		ii = ilf_get_info(fp->field);
@@ -287,7 +292,7 @@ m_ilf(				/* ray met auxiliary geometry */
 	RAY  *r
 )
 {
-	ILFMAT  *ip = getilf(m);
+	ILFMAT  *mp = getilf(m), *ip = ilfplaced(mp, r);
 	RREAL  *org = r->rorg, *dir = r->rdir, *hit = r->rop;
 	FVECT  lorg, ldir, lhit;
 	float  rgb[3];
@@ -295,7 +300,15 @@ m_ilf(				/* ray met auxiliary geometry */
 	double  d;
 	int  part;
 					/* which part counts? */
-	if (!(part = ilfpart(ip, r)))
+	if (ilfaimed(ip, r)) {
+		part = ilfpart(ip, r);
+	} else if (r->crtype & SHADOW) {
+		part = ILF_NONE;
+	} else {
+		part = ILF_ALL;
+		ilfliteral(mp, m, r);
+	}
+	if (part == ILF_NONE)
 		return(1);
 	if (r->rox != NULL) {		/* into the instance's space */
 		multp3(lorg, org, r->rox->b.xfm);
@@ -305,16 +318,16 @@ m_ilf(				/* ray met auxiliary geometry */
 	}
 	if (r->ro->otype == OBJ_SOURCE)
 		hit = NULL;		/* infinitely far away */
-	watchfile(ip->file);
-	if (ilf_eval(rgb, ip->file->field, &ip->frame, org, dir, hit,
-			ip->mode, &err) != ILF_OK)
+	watchfile(mp->file);
+	if (ilf_eval(rgb, mp->file->field, &mp->frame, org, dir, hit,
+			mp->mode, &err) != ILF_OK)
 		ilferror(m, &err);
 					/* modify value */
 	raytexture(r, m->omod);
 	setcolor(r->rcol, rgb[0], rgb[1], rgb[2]);
 	multcolor(r->rcol, r->pcol);
 	if (part != ILF_ALL) {
-		d = ilf_excess_part(rgb, ilf_sampler_threshold(ilfsampler(ip)));
+		d = ilf_excess_part(rgb, ilf_sampler_threshold(ilfsampler(ip, r)));
 		if (part == ILF_BASE)
 			d = 1. - d;
 		scalecolor(r->rcol, d);

@@ -3,24 +3,41 @@
 # Our patches are in ./series beside this script.
 set -eu
 here=$(dirname "$0")
+refuse() {
+    echo "unpack: $1" >&2
+    rm -rf "$2.new"
+    exit 1
+}
 rm -rf "$2" "$2.new"
 mkdir -p "$2.new"
 if [ -d "$1" ]; then
     src=$1
     [ -d "$src/rt" ] || src=$1/src
     [ -f "$src/rt/raytrace.c" ] ||
-        { echo "unpack: $1: expected Radiance's src folder (common/, rt/, ot/ ...), found no rt/raytrace.c" >&2; exit 1; }
-    for d in common rt ot gen px util cal; do cp -R "$src/$d" "$2.new/"; done
-    for f in "$1/License.txt" "$1/../License.txt"; do [ ! -f "$f" ] || cp "$f" "$2.new/"; done
+        refuse "$1: expected Radiance's src folder (common/, rt/, ot/ ...), found no rt/raytrace.c" "$2"
+    for d in common rt ot gen px util cal; do
+        [ -d "$src/$d" ] || refuse "$1: expected Radiance's src folder, found no $d/" "$2"
+        cp -R "$src/$d" "$2.new/"
+    done
+    for f in "$src/License.txt" "$src/../License.txt"; do
+        [ ! -f "$f" ] || cp "$f" "$2.new/"
+    done
+    chmod -R u+w "$2.new"
 elif [ ! -f "$1" ]; then
-    echo "unpack: $1: expected Radiance's source folder or its source distribution, found nothing" >&2
-    exit 1
+    refuse "$1: expected Radiance's source folder or its source distribution, found nothing" "$2"
 else
+    if ! tar tzf "$1" --wildcards '*/src/Radiance/src/rt/raytrace.c' >/dev/null 2>&1; then
+        refuse "$1: expected a folder with Radiance's source, or the source distribution craytraverse, found another file (unpack it and name its folder)" "$2"
+    fi
     tar xzf "$1" -C "$2.new" --strip-components=4 --wildcards '*/src/Radiance/src/*'
     tar xzf "$1" -C "$2.new" --strip-components=3 --wildcards '*/src/Radiance/License.txt'
 fi
+version=$(cat "$2.new/rt/VERSION" 2>/dev/null || echo 'no rt/VERSION')
+revision=$(sed -n 's/.*Id: source.c,v \([0-9.]*\) \([0-9/]*\).*/\1 of \2/p' "$2.new/rt/source.c" 2>/dev/null | head -n 1)
 while read -r p; do
-    patch -s -p1 -d "$2.new" <"$here/$p" ||
-        { echo "unpack: $p does not apply to $1 (expected Radiance 5.4a)" >&2; exit 1; }
+    # one that fails halfway leaves nothing, and says it in one line
+    patch -s -p1 -r - -d "$2.new" <"$here/$p" >"$2.new/log" 2>&1 ||
+        refuse "$1: expected Radiance 5.4a of October 2021 to September 2023, found \"$version\", rt/source.c ${revision:-of no known revision}: $p does not apply" "$2"
 done <"$here/series"
+rm -f "$2.new/log"
 mv "$2.new" "$2"

@@ -1,0 +1,128 @@
+"""The source tree that Radiance is built from: what is refused, in what words; and what stricter compilers say of what we patch."""
+import re
+import shutil
+import subprocess
+import tarfile
+
+import pytest
+
+from conftest import TOP
+
+UNPACK = TOP / "radiance_patch" / "unpack.sh"
+SOURCE = TOP / "build" / "radiance" / "src"
+SDIST = TOP / "build" / "radiance" / "sdist.tar.gz"
+FOLDERS = "common rt ot gen px util cal".split()
+PATCHES = [TOP / "radiance_patch" / p for p in (TOP / "radiance_patch" / "series").read_text().split()]
+TOUCHED = sorted({m for p in PATCHES for m in re.findall(r"^--- a/(\S+)", p.read_text(), re.M)})
+OURS = sorted((TOP / "radiance_patch").glob("*.c"))
+
+
+def unpack(source, out, code=0):
+    p = subprocess.run(["sh", UNPACK, source, out], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert p.returncode == code, p
+    if code:
+        assert not p.stdout and len(p.stderr.splitlines()) == 1 and p.stderr.startswith("unpack: ") and str(source) in p.stderr, p
+        assert not out.exists() and not out.with_name(out.name + ".new").exists(), "something was left behind"
+    return p.stderr
+
+
+@pytest.fixture(scope="module")
+def pristine(tmp_path_factory):
+    """Radiance's tree as it was before the patches: they are taken back."""
+    if not SOURCE.is_dir():
+        pytest.skip("Radiance's source is not unpacked: run make radiance first")
+    folder = tmp_path_factory.mktemp("pristine") / "src"
+    folder.mkdir()
+    for d in FOLDERS:
+        shutil.copytree(SOURCE / d, folder / d)
+    for p in reversed(PATCHES):
+        subprocess.run(["patch", "-s", "-R", "-p1", "-d", folder], stdin=p.open(), check=True)
+    return folder
+
+
+def test_a_folder_of_any_of_both_forms(pristine, tmp_path):
+    for k, source in enumerate((pristine, pristine.parent)):
+        unpack(source, tmp_path / f"out{k}")
+        for f in TOUCHED:
+            assert (tmp_path / f"out{k}" / f).read_bytes() == (SOURCE / f).read_bytes()
+
+
+def test_read_only_trees_are_copied(pristine, tmp_path):
+    subprocess.run(["cp", "-R", pristine, tmp_path / "src"], check=True)
+    subprocess.run(["chmod", "-R", "a-w", tmp_path / "src"], check=True)
+    unpack(tmp_path / "src", tmp_path / "out")
+    subprocess.run(["chmod", "-R", "u+w", tmp_path / "src"], check=True)
+
+
+def edit(path, old, new):
+    data = path.read_bytes()
+    assert old in data
+    path.write_bytes(data.replace(old, new))
+
+
+def test_the_tree_of_december_2021(pristine, tmp_path):
+    """rt/source.c 2.77 counted otherwise in marksources() and direct(): the same patches must fit, and what they make must compile."""
+    tree = tmp_path / "src"
+    shutil.copytree(pristine, tree)
+    edit(tree / "rt/source.c", b"int  indirect = 0;", b"int  foundsource = 0;")
+    edit(tree / "rt/source.c", b"indirect += (ambounce > 0)", b"foundsource += (ambounce > 0)")
+    edit(tree / "rt/source.c", b"maxcntr += !(source[ns].sflags & SSKIP);", b"foundsource += !(source[ns].sflags & SSKIP);")
+    edit(tree / "rt/source.c", b'	if (!maxcntr) {\n		if (!indirect)\n			error(WARNING, "no light sources found");\n		return;		/* no direct calculation, it seems */\n',
+         b'	if (!foundsource) {\n		error(WARNING, "no light sources found");\n		return;\n')
+    edit(tree / "rt/source.c", b"maxcntr += MAXSPART;", b"maxcntr = nsources + MAXSPART;")
+    edit(tree / "rt/source.c", b"	if (maxcntr <= 0)\n		return;		/* no direct?! */\n\n	initsrcindex(&si);			/* potential contributions */\n",
+         b"	if (nsources <= 0)\n		return;		/* no sources?! */\n						/* potential contributions */\n	initsrcindex(&si);\n")
+    unpack(tree, tmp_path / "out")
+    compiles("gcc", tmp_path / "out", tmp_path / "out" / "rt/source.c")
+
+
+def test_what_is_refused(pristine, tmp_path):
+    out = tmp_path / "out"
+    assert "found nothing" in unpack(tmp_path / "nowhere", out, 1)
+    (tmp_path / "empty").mkdir()
+    assert "rt/raytrace.c" in unpack(tmp_path / "empty", out, 1)
+    (tmp_path / "text.tar.gz").write_text("no archive")
+    assert "unpack it" in unpack(tmp_path / "text.tar.gz", out, 1)
+    with tarfile.open(tmp_path / "rad.tar.gz", "w:gz") as tar:      # right, but in another form
+        tar.add(pristine / "rt", "ray/src/rt")
+    assert "unpack it" in unpack(tmp_path / "rad.tar.gz", out, 1)
+    part = tmp_path / "part"
+    shutil.copytree(pristine, part)
+    shutil.rmtree(part / "gen")
+    assert "gen/" in unpack(part, out, 1)
+
+
+@pytest.mark.parametrize("what", ["another version", "patched already"])
+def test_trees_that_the_patches_do_not_fit(pristine, tmp_path, what):
+    tree = tmp_path / "src"
+    shutil.copytree(pristine if what == "another version" else SOURCE, tree)
+    if what == "another version":
+        (tree / "rt/VERSION").write_text("RADIANCE 6.0a\n")
+        text = (tree / "common/otypes.h").read_bytes()
+        (tree / "common/otypes.h").write_bytes(text.replace(b"MAT_ASHIKHMIN", b"MAT_ASHIK2"))
+    words = unpack(tree, tmp_path / "out", 1)
+    assert "5.4a" in words and "01-types.patch" in words
+    if what == "another version":
+        assert "RADIANCE 6.0a" in words
+
+
+# ---- compilers: what gcc 14 and clang 16 took for errors, gcc 12 does on request -------------------------------------------
+
+STRICT = ["-Werror=implicit-function-declaration", "-Werror=implicit-int", "-Werror=int-conversion", "-Werror=incompatible-pointer-types",
+          "-Werror=return-type"]
+
+
+def compiles(compiler, tree, *files):
+    p = subprocess.run([compiler, "-fsyntax-only", "-w", "-fcommon", "-std=gnu99", "-DALIGNT=double", f"-I{tree}/common", f"-I{tree}/rt",
+                        f"-I{TOP}/radiance_patch", f"-I{TOP}/ilfmat", *STRICT, *map(str, files)], stdout=subprocess.PIPE,
+                       stderr=subprocess.PIPE, text=True)
+    assert p.returncode == 0, p.stderr[-3000:]
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang", "clang-14", "clang-16", "clang-19", "clang-22"])
+def test_strict_compilers_take_what_we_patch(compiler):
+    if not SOURCE.is_dir():
+        pytest.skip("Radiance's source is not unpacked: run make radiance first")
+    if not shutil.which(compiler):
+        pytest.skip(f"{compiler} is not installed")
+    compiles(compiler, SOURCE, *(SOURCE / f for f in TOUCHED if f.endswith(".c")), *OURS)
