@@ -51,6 +51,7 @@ typedef struct lens {
     double distance;            /* sphere: camera distance in radii, 0 = infinite */
     /* What a file may state besides (0 = not stated); pixels of the picture. */
     double focal_px, centre_px[2];
+    double shape[2][2]; /* (right, up) = radius shape (r cos psi, r sin psi): what makes the circle an ellipse; all 0: a circle */
 } lens;
 
 /* Kind from its name; -1 when it is none of the four that need no coefficients. */

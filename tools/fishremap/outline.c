@@ -101,15 +101,17 @@ outliner *outliner_new(const chart *dst, const chart *src)
     }
     if (o->concentric) {
         double step = dst->lon_span / dst->width;
-        o->fine = chords(src->radius, step);
+        o->fine = chords(src->radius * fmax(hypot(src->shape[0][0], src->shape[1][0]), hypot(src->shape[0][1], src->shape[1][1])), step);
         size_t n = (size_t)dst->width * (size_t)o->fine + 1;
         o->circle = malloc(2 * n * sizeof(double));
         if (!o->circle) goto fail;
         for (size_t k = 0; k < n; k++) {
             double lon = dst->lon0 + step * (double)k / o->fine, d[3];
             for (int i = 0; i < 3; i++) d[i] = cos(lon) * dst->frame[0][i] + sin(lon) * dst->frame[1][i];
-            o->circle[2 * k] = d[0] * src->frame[0][0] + d[1] * src->frame[0][1] + d[2] * src->frame[0][2];
-            o->circle[2 * k + 1] = -(d[0] * src->frame[1][0] + d[1] * src->frame[1][1] + d[2] * src->frame[1][2]);
+            double px = d[0] * src->frame[0][0] + d[1] * src->frame[0][1] + d[2] * src->frame[0][2];
+            double py = d[0] * src->frame[1][0] + d[1] * src->frame[1][1] + d[2] * src->frame[1][2];
+            o->circle[2 * k] = src->shape[0][0] * px + src->shape[0][1] * py;
+            o->circle[2 * k + 1] = -(src->shape[1][0] * px + src->shape[1][1] * py);
         }
     }
     return o;

@@ -102,7 +102,9 @@ static int measure(source_disc *s, const float *pix, const chart *c, const unsig
     }
     s->pixels = (int)k;
     s->x /= (double)k, s->y /= (double)k;
-    s->theta = lens_angle(&c->lens, hypot(s->x - c->cx, s->y - c->cy) / c->radius);
+    double px, py;
+    chart_disc_place(&px, &py, c, s->x, s->y);
+    s->theta = lens_angle(&c->lens, hypot(px, py));
     for (int ch = 0; ch < 3; ch++) s->value[ch] = robust_mean(&s->sd[ch], v + (size_t)ch * n, k);
     free(v);
     return 0;
@@ -120,12 +122,14 @@ int source_find(source_disc *s, const float *pix, const chart *c, double theta, 
         goto done;
     }
     for (size_t i = 0; i < n; i++) b[i] = brightness(pix + 4 * i);
-    double r0 = c->radius * lens_radius(NULL, &c->lens, theta - 12 * DEG);
-    double r1 = c->radius * lens_radius(NULL, &c->lens, theta + 12 * DEG);
+    double r0 = lens_radius(NULL, &c->lens, theta - 12 * DEG) - 1 / c->radius;
+    double r1 = lens_radius(NULL, &c->lens, theta + 12 * DEG) + 1 / c->radius;
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++) {
-            double r = hypot(x + 0.5 - c->cx, y + 0.5 - c->cy);
-            if (r < r0 - 1 || r > r1 + 1) continue;
+            double px, py;
+            chart_disc_place(&px, &py, c, x + 0.5, y + 0.5);
+            double r = hypot(px, py);
+            if (r < r0 || r > r1) continue;
             float v = smoothed(b, w, h, x, y);
             if (v > peak) peak = v, seed = (size_t)y * (size_t)w + (size_t)x;
         }
@@ -176,10 +180,11 @@ int flat_rings(falloff_reading *r, int *n, int max, const float *pix, const char
         return err_set(e, "out of memory");
     }
     for (size_t i = 0; i < total; i++) {
-        double x = (double)(i % (size_t)c->width) + 0.5 - c->cx, y = (double)(i / (size_t)c->width) + 0.5 - c->cy;
+        double x, y;
+        chart_disc_place(&x, &y, c, (double)(i % (size_t)c->width) + 0.5, (double)(i / (size_t)c->width) + 0.5);
         double q = hypot(x, y); /* pixels wholly inside */
-        int in = q + M_SQRT1_2 < c->radius && brightness(pix + 4 * i) > 0;
-        ring[i] = in ? (int)(lens_angle(&c->lens, q / c->radius) / c->lens.half * rings) : -1;
+        int in = q + M_SQRT1_2 / c->radius < 1 && brightness(pix + 4 * i) > 0;
+        ring[i] = in ? (int)(lens_angle(&c->lens, q) / c->lens.half * rings) : -1;
         if (ring[i] >= rings) ring[i] = -1;
         if (ring[i] >= 0) count[ring[i] + 1]++;
     }

@@ -41,14 +41,17 @@ int geometry_init(geometry *g, const chart *dst, const chart *src, const unsigne
         return err_set(e, "out of memory");
     }
     for (int k = 0; k <= TABLE + 1; k++)
-        table[k] = (float)(per_area_at(&src->lens, (double)k / TABLE, 0.5 / src->radius) / (src->radius * src->radius));
-    float scale = (float)(TABLE / src->radius), limit = (float)(src->radius + M_SQRT1_2) * scale;
+        table[k] = (float)(per_area_at(&src->lens, (double)k / TABLE, 0.5 / src->radius) / chart_disc_scale(src));
+    const float scale = (float)(TABLE / src->radius), a00 = (float)src->unshape[0][0] * scale, a01 = (float)src->unshape[0][1] * scale,
+                a10 = (float)src->unshape[1][0] * scale, a11 = (float)src->unshape[1][1] * scale;
+    const float limit = (float)TABLE + (float)M_SQRT1_2 * fmaxf(hypotf(a00, a10), hypotf(a01, a11));
 #pragma omp parallel for schedule(static)
     for (int y = 0; y < h; y++) {
         float *q = g->per_area + (size_t)y * (size_t)w;
-        float dy = (float)(y + 0.5 - src->cy), x0 = (float)(0.5 - src->cx);
+        float dy = (float)(src->cy - y - 0.5), x0 = (float)(0.5 - src->cx);
         for (int x = 0; x < w; x++) {
-            float dx = x0 + (float)x, r = sqrtf(dx * dx + dy * dy) * scale, k = fminf(r, TABLE);
+            float dx = x0 + (float)x, px = a00 * dx + a01 * dy, py = a10 * dx + a11 * dy;
+            float r = sqrtf(px * px + py * py), k = fminf(r, TABLE);
             int i = (int)k;
             q[x] = r > limit ? 0 : table[i] + (k - (float)i) * (table[i + 1] - table[i]);
         }
@@ -77,9 +80,11 @@ int bench_init(bench *b, const geometry *g)
         b->rim = malloc(sizeof(double) * 2 * (size_t)b->nrim);
         if (!b->rim) return -1;
         double step = outliner_sense(b->lines) * 2 * M_PI / b->nrim;
+        const double(*s)[2] = g->src->shape, r = g->src->radius;
         for (int k = 0; k < b->nrim; k++) {
-            b->rim[2 * k] = g->src->cx + g->src->radius * cos(k * step);
-            b->rim[2 * k + 1] = g->src->cy + g->src->radius * sin(k * step);
+            double px = cos(k * step), py = -sin(k * step);
+            b->rim[2 * k] = g->src->cx + r * (s[0][0] * px + s[0][1] * py);
+            b->rim[2 * k + 1] = g->src->cy - r * (s[1][0] * px + s[1][1] * py);
         }
     }
     return 0;
@@ -174,7 +179,7 @@ static int texel(row *r, bench *b, const geometry *g, int x, int y)
     bounds(box, xy, n);
     /* inside out: the texel around the far pole */
     double a = sense * twice_area(xy, n) / 2;
-    int around = s->kind == CHART_DISC && b->rim && a < -0.25 * M_PI * s->radius * s->radius;
+    int around = s->kind == CHART_DISC && b->rim && a < -0.25 * M_PI * chart_disc_scale(s);
     /* what an outline that runs along the rim and back encloses is rounding; but a texel can itself be a speck of a pixel */
     double extent = box[2] - box[0] + box[3] - box[1], least = 1e-9;
     if (fabs(a) < 1 && fabs(a) > 1e-9 * extent * extent) least = 1e-9 * fabs(a);
