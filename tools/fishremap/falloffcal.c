@@ -66,6 +66,10 @@ static void load(img *im, double *white, chart *c, const lens *l, const char *pa
     }
     img_free(&a);
     int w = im->info.width, h = im->info.height;
+    static int first_w, first_h;
+    if (!first_w) first_w = w, first_h = h;
+    if (l->focal_px > 0 && (w != first_w || h != first_h))
+        cli_fail(CLI_FAILED, "%s: expected pictures of one size with a camera matrix, %d x %d as the first, found %d x %d", path, first_w, first_h, w, h);
     double cx = w / 2., cy = h / 2., r = cfg.radius > 0 ? cfg.radius : l->focal_px > 0 ? l->focal_px / l->scale : (w < h ? w : h) / 2.;
     if (l->focal_px > 0) cx = l->centre_px[0], cy = l->centre_px[1];
     if (cfg.have_centre) cx = cfg.centre[0], cy = cfg.centre[1];
@@ -155,6 +159,21 @@ static void read_operand(falloff_reading *r, seen_top *top, const lens *l, char 
     *at = '@';
 }
 
+/* The lens, for pictures of the size of the first one (IMAGE or IMAGE@DEG). */
+static void read_lens(lens *l, const char *first)
+{
+    errmsg e, none;
+    img_info info = {0};
+    char said[512], *path = strdup(first), *at = path && !cfg.flat ? strrchr(path, '@') : NULL;
+    if (!path) cli_fail(CLI_FAILED, "out of memory");
+    if (at) *at = 0;
+    if (lens_kind_by_name(cfg.lens) < 0 && img_probe(&info, path, &none)) info.width = info.height = 0; /* load() has the words */
+    const lens_use use = {.fov_deg = cfg.fov_deg, .width = info.width, .height = info.height, .placed = cfg.radius > 0, .centre = cfg.have_centre ? cfg.centre : NULL};
+    if (lens_read_for(l, said, cfg.lens, &use, &e)) cli_fail(CLI_FAILED, "%s", e.text);
+    if (said[0]) cli_note("%s", said);
+    free(path);
+}
+
 int main(int argc, char **argv)
 {
     errmsg e;
@@ -165,7 +184,7 @@ int main(int argc, char **argv)
     if (!cfg.out) cli_fail(CLI_USAGE, "expected -o FALLOFF, found none");
     if (!n == !cfg.flat) cli_fail(CLI_USAGE, "expected either IMAGE@DEG... or --flat IMAGE, found %s", n ? "both" : "neither");
     if (n > MAX_READINGS) cli_fail(CLI_USAGE, "expected at most %d pictures, found %d", MAX_READINGS, n);
-    if (lens_read(&l, cfg.lens, cfg.fov_deg, &e)) cli_fail(CLI_FAILED, "%s", e.text);
+    read_lens(&l, cfg.flat ? cfg.flat : argv[1]);
     falloff_reading *r = calloc((size_t)n + 256, sizeof *r);
     seen_top *top = calloc((size_t)n + 1, sizeof *top);
     if (!r || !top) cli_fail(CLI_FAILED, "out of memory");

@@ -120,9 +120,10 @@ static int place_disc(double *cx, double *cy, double *r, const settings *s, cons
     return 0;
 }
 
-static int make_disc(chart *c, const settings *s, view_kind kind, const img *im, int w, int h, errmsg *e)
+static int make_disc(chart *c, outcome *o, const settings *s, view_kind kind, const img *im, int w, int h, errmsg *e)
 {
     lens l;
+    char said[512] = "";
     double cx = w / 2., cy = h / 2., r = (w < h ? w : h) / 2.;
     if (kind == VIEW_BALL) {
         double d = s->camera_distance > 0 ? 2 * s->camera_distance / s->diameter : 0;
@@ -131,8 +132,11 @@ static int make_disc(chart *c, const settings *s, view_kind kind, const img *im,
         memset(&l, 0, sizeof l);
         l.kind = LENS_EQUIDISTANT;
         if (lens_finish(&l, M_PI, e)) return -1;
-    } else if (lens_read(&l, s->lens, s->fov_deg, e)) {
-        return -1;
+    } else {
+        const lens_use use = {.fov_deg = s->fov_deg, .width = w, .height = h, .placed = im && s->radius > 0, .centre = im && s->have_centre ? s->centre : NULL};
+        if (lens_read_for(&l, said, s->lens, &use, e)) return -1;
+        if (!im && l.focal_px > 0) cx = l.centre_px[0], cy = l.centre_px[1], r = l.focal_px / l.scale; /* the camera's picture, as it takes it */
+        if (said[0] && !strstr(o->remark, said)) remark(o, "%s", said);
     }
     if (im && place_disc(&cx, &cy, &r, s, &l, im, e)) return -1;
     chart_disc(c, w, h, &l, cx, cy, r, kind == VIEW_BALL, 0, 0, 0);
@@ -152,14 +156,14 @@ static int is_disc(view_kind kind)
 
 /* The chart of the input im, or of the output (im NULL).  The camera's turn is IN's, but where a camera's view is made of
  * a probe or a panorama it is that camera's: so the same options lead there and back. */
-static int make_chart(chart *c, const settings *s, view_kind kind, const img *im, errmsg *e)
+static int make_chart(chart *c, outcome *o, const settings *s, view_kind kind, const img *im, errmsg *e)
 {
     int w = im ? im->info.width : s->out_w, h = im ? im->info.height : s->out_h, out_turns = is_disc(s->to) && !is_disc(s->from);
     switch (kind) {
     case VIEW_PROBE: chart_probe(c, w, h, (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG); break;
     case VIEW_LATLONG: chart_latlong(c, w, h, s->span_deg * DEG); break;
     default:
-        if (make_disc(c, s, kind, im, w, h, e)) return -1;
+        if (make_disc(c, o, s, kind, im, w, h, e)) return -1;
     }
     if ((im == NULL) == (out_turns != 0)) turn_chart(c, s, kind == VIEW_BALL);
     return 0;
@@ -271,7 +275,7 @@ static double coverage(int *partial, const float *alpha, const chart *dst)
         for (int x = 0; x < dst->width; x++) {
             float a = alpha[(size_t)y * (size_t)dst->width + (size_t)x];
             double w = chart_pixel_solid_angle(dst, x, y);
-            *partial |= w > 0 && a < 1;
+            *partial |= a < 1;
             seen += w * (double)a, all += w;
         }
     return all > 0 ? seen / all : 0;
@@ -291,8 +295,8 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
     char view[256];
     float *rgb = NULL, *alpha = NULL;
     if (input_load(&im, &all_good, s, e)) return -1;
-    if (make_chart(&src, s, s->from, &im, e)) goto done;
-    if (make_chart(&dst, s, s->to, NULL, e)) goto done;
+    if (make_chart(&src, o, s, s->from, &im, e)) goto done;
+    if (make_chart(&dst, o, s, s->to, NULL, e)) goto done;
     if (s->overlay) {
         sphere_seen rim = {src.cx, src.cy, src.radius};
         if (overlay_write(s->overlay, &im, &rim, src.kind == CHART_DISC, e)) goto done;
@@ -326,7 +330,7 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
     outside_fill(rgb, alpha, s->out_w, s->out_h, s->outside);
     const int hdr = is_hdr(s->out), named = hdr && radiance_view(view, sizeof view, &dst, s->to) == 0;
     if (hdr && is_disc(s->to) && !named) remark(o, "%s: Radiance has no name for this view, so there is no VIEW line", s->out);
-    if (hdr && partial && s->outside != OUTSIDE_HOLD)
+    if (hdr && o->covered < 0.9995 && s->outside != OUTSIDE_HOLD)
         remark(o, "%s: %.1f %% of what it shows is not in IN, and black: no alpha channel in .hdr", s->out, 100 * (1 - o->covered));
     rc = result_write(s, rgb, alpha, partial, named ? view : NULL, e);
 done:

@@ -233,7 +233,7 @@ static int texel(row *r, bench *b, const geometry *g, int x, int y)
         entry *e = r->e + i;
         e->w = (float)(e->w * per), e->wx = (float)(e->wx * per), e->wy = (float)(e->wy * per);
     }
-    r->alpha[x] = (float)(share > 0.998 || g->whole ? 1 : share);
+    r->alpha[x] = (float)(share > 0.998 || (g->whole && full > 0) ? 1 : share);
     return 0;
 }
 
