@@ -8,14 +8,16 @@
 
 #include "guard.hpp"
 
-namespace {
+namespace
+{
 
 struct leaf {
     std::string path, words;
     std::vector<double> numbers;
 };
 
-// FileStorage's JSON knows no null, and no empty list or map: such members say nothing, and become empty words.
+// FileStorage's JSON knows no null, and no empty list or map: such members say nothing, and become empty
+// words.
 std::string without_null(const std::string &s)
 {
     std::string out;
@@ -71,7 +73,8 @@ void walk(std::vector<leaf> &out, const cv::FileNode &n, const std::string &path
             return;
         }
     } else if (n.isMap()) {
-        for (const cv::FileNode &q : n) walk(out, q, path.empty() ? q.name() : path + "." + q.name(), depth + 1);
+        for (const cv::FileNode &q : n)
+            walk(out, q, path.empty() ? q.name() : path + "." + q.name(), depth + 1);
         return;
     } else {
         return;
@@ -100,13 +103,18 @@ int vision_tree_read(vision_tree **t, const char *text, const char *name, errmsg
         while (at < s.size() && std::isspace(static_cast<unsigned char>(s[at]))) at++;
         s.erase(0, at);
         if (s.empty()) return err_set(e, "%s: expected a calibration, found nothing", name);
-        if (s[0] != '{' && s[0] != '<' && s.compare(0, 5, "%YAML") != 0) s.insert(0, s.compare(0, 3, "---") == 0 ? "%YAML:1.0\n" : "%YAML:1.0\n---\n");
+        if (s[0] != '{' && s[0] != '<' && s.compare(0, 5, "%YAML") != 0)
+            s.insert(0, s.compare(0, 3, "---") == 0 ? "%YAML:1.0\n" : "%YAML:1.0\n---\n");
         if (s[0] == '{') s = without_null(s);
         // what cannot be parsed is told in one line of ours, not in OpenCV's log
-        cv::ErrorCallback old = cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
+        cv::ErrorCallback old =
+            cv::redirectError([](int, const char *, const char *, const char *, int, void *) { return 0; });
         struct back {
             cv::ErrorCallback f;
-            ~back() { cv::redirectError(f); }
+            ~back()
+            {
+                cv::redirectError(f);
+            }
         } restore{old};
         cv::FileStorage f(s, cv::FileStorage::READ | cv::FileStorage::MEMORY);
         if (!f.isOpened()) return err_set(e, "%s: expected YAML, JSON or XML, found something else", name);

@@ -2,7 +2,8 @@
  * falloffsim - fits of falloff curves to readings from standard input, for simulations of many lenses.
  *
  *   in:  N HALF            then N lines DEG Y, and so on
- *   out: one line a set:   used(0 or 1, N times)  then V and its relative standard deviation at 0, 1, 2 ... up to HALF degrees
+ *   out: one line a set:   used(0 or 1, N times)  then V and its relative standard deviation at 0, 1, 2 ...
+ * up to HALF degrees
  */
 #include "../../tools/fishremap/falloff_fit.c"
 #include "../../tools/fishremap/falloff_outliers.c"

@@ -1,10 +1,11 @@
 /*
  * falloff_fit.c - penalised, monotone fit of a falloff curve, averaged over what it could be (falloff_fit.h).
  *
- * The curve is a Gaussian process on the nodes whose third differences are independent, of variance s^2 / (lambda w_k); w falls
- * towards the rim by one of three laws, since a lens that vignettes bends there a hundred times as hard as in the middle.  Each
- * (lambda, law) has a marginal likelihood (REML: Patterson & Thompson 1971; as a smoothing spline's: Wahba 1985), and
- * what is written is the mean over all of them, by those: its deviation is that of the curves and that between them.
+ * The curve is a Gaussian process on the nodes whose third differences are independent, of variance s^2 /
+ * (lambda w_k); w falls towards the rim by one of three laws, since a lens that vignettes bends there a
+ * hundred times as hard as in the middle.  Each (lambda, law) has a marginal likelihood (REML: Patterson &
+ * Thompson 1971; as a smoothing spline's: Wahba 1985), and what is written is the mean over all of them, by
+ * those: its deviation is that of the curves and that between them.
  *
  * The monotone problem is least squares with signs: with steps s_k = g_k - g_(k+1) >= 0 and a level
  * that is shifted far above 0 all unknowns are >= 0, which nnls.h solves exactly.
@@ -19,9 +20,9 @@
 #include "falloff_outliers.h"
 #include "nnls.h"
 
-#define N FIT_NODES
-#define SHIFT 64.0 /* log units above anything that occurs */
-#define LAWS 3
+#define N        FIT_NODES
+#define SHIFT    64.0 /* log units above anything that occurs */
+#define LAWS     3
 #define LEAST_SD 1e-4 /* no reading is better */
 
 /* Row of the data matrix: cubic (Lagrange, even about 0) interpolation between nodes. */
@@ -56,8 +57,8 @@ typedef struct posterior {
     double freedom, score;  /* trace of the smoother; -2 log of the marginal likelihood */
 } posterior;
 
-/* How stiff the curve is at third difference k, law 0: alike everywhere; 1 and 2: over the last third of the field its
- * deviation grows to 6 and 40 times. */
+/* How stiff the curve is at third difference k, law 0: alike everywhere; 1 and 2: over the last third of the
+ * field its deviation grows to 6 and 40 times. */
 static double stiffness(int law, int k)
 {
     static const double most[LAWS] = {1, 6, 40};
@@ -111,7 +112,8 @@ static int solve(posterior *p, const fit_data *d, double lambda, int law)
         for (int j = 0; j < N; j++) v += row[j] * p->g[j];
         p->sum += lambda * stiffness(law, k) * v * v;
     }
-    /* beside the level and the bend that no penalty holds, n - 2 numbers tell of the noise; and it is a prior's two that none is 0 */
+    /* beside the level and the bend that no penalty holds, n - 2 numbers tell of the noise; and it is a
+     * prior's two that none is 0 */
     p->score = logs + (n - 2) * log(p->sum + 2 * LEAST_SD * LEAST_SD);
     return 0;
 }
@@ -138,7 +140,8 @@ static int count_in(const fit_data *d)
     return n;
 }
 
-/* What n readings can bear, and what a lens can have: rings of a flat field are many, and their deviations are not independent. */
+/* What n readings can bear, and what a lens can have: rings of a flat field are many, and their deviations
+ * are not independent. */
 static double most_freedom(int n)
 {
     return fmax(fmin(fmin(n - 1.2, 2 + 0.6 * n), 14), 1.5);
@@ -197,8 +200,8 @@ int fit_deleted(double *t, const fit_data *d)
 /* ---- the average ------------------------------------------------------------------------------------- */
 
 typedef struct average {
-    int n;             /* readings */
-    double best, sum;  /* the best score; of weights */
+    int n;            /* readings */
+    double best, sum; /* the best score; of weights */
     double g[N], second[N][N], freedom, variance;
 } average;
 
@@ -214,7 +217,9 @@ static int add(const posterior *p, void *arg)
     average *a = arg;
     double w = exp(-0.5 * (p->score - a->best)), v = noise(p, a->n);
     if (w < 1e-6) return 0;
-    double s = a->n > 4 ? v * (a->n - 2) / (a->n - 4.) : a->n > 2 ? 3 * v : v; /* variance of Student's t; of few, what is usual */
+    double s = a->n > 4   ? v * (a->n - 2) / (a->n - 4.)
+               : a->n > 2 ? 3 * v
+                          : v; /* variance of Student's t; of few, what is usual */
     a->sum += w, a->freedom += w * p->freedom, a->variance += w * v;
     for (int j = 0; j < N; j++) {
         a->g[j] += w * p->g[j];
@@ -250,8 +255,10 @@ static int solve_monotone(double g[N], const fit_data *d, double lambda, int law
     }
     for (int i = 0; i < m; i++) {
         double w = i < d->n ? d->in[i] : sqrt(lambda * stiffness(law, i - d->n));
-        if (i < d->n) memcpy(row, d->row[i], sizeof row);
-        else third(row, i - d->n);
+        if (i < d->n)
+            memcpy(row, d->row[i], sizeof row);
+        else
+            third(row, i - d->n);
         /* g_k = level - sum of steps before k, in unknowns (level + SHIFT, s_0, s_1, ...); nodes that
          * may rise take part as levels of their own, shifted alike. */
         double *out = a + (size_t)i * N, sum = 0, run = 0;
@@ -286,7 +293,8 @@ static int proven_rise(const average *a)
     return 0;
 }
 
-/* A reading is the mean over its source's angles: that of the curve's cubic, by three points of the same mean and variance. */
+/* A reading is the mean over its source's angles: that of the curve's cubic, by three points of the same mean
+ * and variance. */
 static void source_row(double row[N], double t, double spread)
 {
     double one[N];
@@ -371,7 +379,8 @@ int falloff_fit(falloff_curve *f, falloff_reading *r, int n, int c, double half,
     f->freedom = a->freedom;
     f->scatter = sqrt(a->variance);
     f->rises_to = from * half / (N - 1);
-    for (int k = 0; k < N; k++) { /* where the free curve rises, the one that may not is off by as much as the other may be */
+    for (int k = 0; k < N;
+         k++) { /* where the free curve rises, the one that may not is off by as much as the other may be */
         double moved = g[k] - g[0] - (a->g[k] - a->g[0]);
         f->v[k] = exp(g[k] - g[0]);
         f->sd[k] = sqrt(fmax(a->second[k][k] + a->second[0][0] - 2 * a->second[k][0], 0) + moved * moved);

@@ -1,9 +1,10 @@
 /*
  * falloff_outliers.c - outliers of a falloff's readings (falloff_outliers.h).
  *
- * First by neighbours alone, worst first, since several wild readings would spoil any curve through all: the cubic through two
- * neighbours on either side, in units of the noise that such cubics show all over and of what they differ from the straight line (the
- * curve's own bend).  Then by the fit's leave-one-out deviations against Student's t, out and in again, until nothing changes.
+ * First by neighbours alone, worst first, since several wild readings would spoil any curve through all: the
+ * cubic through two neighbours on either side, in units of the noise that such cubics show all over and of
+ * what they differ from the straight line (the curve's own bend).  Then by the fit's leave-one-out deviations
+ * against Student's t, out and in again, until nothing changes.
  */
 #include "falloff_outliers.h"
 
@@ -11,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LOCAL 8.0 /* such units */
+#define LOCAL 5.0 /* such units; who is turned away for nothing is taken back by the fit */
 
 static int by_value(const void *a, const void *b)
 {
@@ -45,7 +46,8 @@ static double through(double *gain, const fit_data *d, const int *at, int m, dou
     return v;
 }
 
-/* The nearest readings that count at other angles: up to two on either side of order[k]; -1 where a side has none. */
+/* The nearest readings that count at other angles: up to two on either side of order[k]; -1 where a side has
+ * none. */
 static int neighbours(int at[4], int near[2], const fit_data *d, const place *order, int k)
 {
     int m = 0;
@@ -67,7 +69,8 @@ static int neighbours(int at[4], int near[2], const fit_data *d, const place *or
 static int by_neighbours(fit_data *d)
 {
     place *order = malloc(sizeof *order * (size_t)d->n);
-    double *off = malloc(sizeof(double) * 4 * (size_t)d->n), *unit = off + d->n, *bend = off + 2 * d->n, *some = off + 3 * d->n;
+    double *off = malloc(sizeof(double) * 4 * (size_t)d->n), *unit = off + d->n, *bend = off + 2 * d->n,
+           *some = off + 3 * d->n;
     if (!order || !off) {
         free(order);
         free(off);
@@ -88,7 +91,9 @@ static int by_neighbours(fit_data *d)
         }
         if (count < 3) break;
         qsort(some, (size_t)count, sizeof *some, by_value);
-        double scale = fmax(1.4826 * some[(count - 1) / 2], FIT_LEAST_NOISE), most = LOCAL;
+        /* by their fifth: one wild reading spoils what is said of its four neighbours, so three may spoil
+         * most */
+        double scale = fmax(some[(count - 1) / 5] / 0.2533, FIT_LEAST_NOISE), most = LOCAL;
         for (int k = 0; k < d->n; k++) {
             if (unit[k] == 0) continue;
             double q = fabs(off[k]) / hypot(scale * unit[k], bend[k]);
@@ -142,9 +147,12 @@ int fit_outliers(fit_data *d)
                 if (q < least) least = q, back = i;
             }
         }
-        if (worst >= 0 && count > 4) d->in[worst] = 0;
-        else if (back >= 0) d->in[back] = 1;
-        else break;
+        if (worst >= 0 && count > 4)
+            d->in[worst] = 0;
+        else if (back >= 0)
+            d->in[back] = 1;
+        else
+            break;
     }
     free(t);
     return rc;

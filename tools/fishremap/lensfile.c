@@ -16,7 +16,8 @@
 static int bad_line(const char *path, const textlines *t, const char *line, errmsg *e)
 {
     return err_set(e,
-                   "%s: line %d: expected model, polynomial, kannala-brandt, camera, size, table or fov (see the man page), found \"%.60s\"",
+                   "%s: line %d: expected model, polynomial, kannala-brandt, camera, size, table or fov (see "
+                   "the man page), found \"%.60s\"",
                    path, t->number, line);
 }
 
@@ -29,7 +30,8 @@ static int parse(lens *l, double *fov_deg, const char *text, const char *path, e
         double v[LENS_MAX_COEF];
         int used = 0;
         if (in_table && text_numbers(v, 2, line) == 2) {
-            if (l->ntable == LENS_MAX_TABLE) return err_set(e, "%s: expected at most %d lines of table", path, LENS_MAX_TABLE - 1);
+            if (l->ntable == LENS_MAX_TABLE)
+                return err_set(e, "%s: expected at most %d lines of table", path, LENS_MAX_TABLE - 1);
             if (!l->ntable && v[0] != 0) l->ntable = 1; /* r(0) = 0 goes without saying */
             l->tab_t[l->ntable] = v[0] * DEG;
             l->tab_r[l->ntable++] = v[1];
@@ -60,10 +62,12 @@ static int parse(lens *l, double *fov_deg, const char *text, const char *path, e
             models++;
         } else if (strcmp(word, "camera") == 0) {
             int n = text_numbers(v, 5, rest);
-            if (n < 4 || !(v[0] > 0 && v[1] > 0) || (n == 5 && !(fabs(v[4]) < v[0]))) return bad_line(path, &t, line, e);
+            if (n < 4 || !(v[0] > 0 && v[1] > 0) || (n == 5 && !(fabs(v[4]) < v[0])))
+                return bad_line(path, &t, line, e);
             lens_camera(l, v[0], v[1], v[2], v[3], n == 5 ? v[4] : 0);
         } else if (strcmp(word, "size") == 0) {
-            if (text_numbers(l->size_px, 2, rest) != 2 || !(l->size_px[0] >= 1 && l->size_px[1] >= 1)) return bad_line(path, &t, line, e);
+            if (text_numbers(l->size_px, 2, rest) != 2 || !(l->size_px[0] >= 1 && l->size_px[1] >= 1))
+                return bad_line(path, &t, line, e);
         } else if (strcmp(word, "table") == 0) {
             l->kind = LENS_TABLE;
             l->ntable = 0;
@@ -87,16 +91,25 @@ static int fit_to_picture(lens *l, char said[512], const char *spec, const lens_
     if (W > 0) {
         /* a size that was rounded to whole pixels has the aspect to half a pixel either way */
         if (fabs(w * H - h * W) > 0.75 * fmax(W + w, H + h))
-            return err_set(e, "%s: expected a picture of %g x %g pixels, for which the lens was calibrated, or of its aspect, found %g x %g", spec, W, H, w, h);
+            return err_set(e,
+                           "%s: expected a picture of %g x %g pixels, for which the lens was calibrated, or "
+                           "of its aspect, found %g x %g",
+                           spec, W, H, w, h);
         double k = 0.5 * (w / W + h / H);
         l->focal_px *= k;
         l->centre_px[0] *= w / W, l->centre_px[1] *= h / H;
     }
     double off = fmax(fabs(l->centre_px[0] / w - 0.5), fabs(l->centre_px[1] / h - 0.5));
     if (off > (W > 0 ? 0.25 : 0.1) && !u->centre)
-        return err_set(e, "%s: expected a camera matrix for a picture of %g x %g pixels, found the principal point at %.5g, %.5g, far from its middle%s", spec, w, h,
-                       l->centre_px[0], l->centre_px[1], W > 0 ? "" : "; state the size that it is for (a line \"size W H\")");
-    if (!(W > 0)) snprintf(said + strlen(said), 512 - strlen(said), "%s%s: no picture size stated; its camera matrix is taken to be for %g x %g pixels", *said ? "; " : "", spec, w, h);
+        return err_set(e,
+                       "%s: expected a camera matrix for a picture of %g x %g pixels, found the principal "
+                       "point at %.5g, %.5g, far from its middle%s",
+                       spec, w, h, l->centre_px[0], l->centre_px[1],
+                       W > 0 ? "" : "; state the size that it is for (a line \"size W H\")");
+    if (!(W > 0))
+        snprintf(said + strlen(said), 512 - strlen(said),
+                 "%s%s: no picture size stated; its camera matrix is taken to be for %g x %g pixels",
+                 *said ? "; " : "", spec, w, h);
     return 0;
 }
 
@@ -113,15 +126,20 @@ static double farthest(const lens *l, const lens_use *u)
     return far / l->focal_px;
 }
 
-/* Half the field of view of a lens whose place in the picture is known: what is asked for, or all of the picture, as far as the model goes. */
-static int choose_half(double *half, const lens *l, char said[512], const char *spec, const lens_use *u, double fov_deg, errmsg *e)
+/* Half the field of view of a lens whose place in the picture is known: what is asked for, or all of the
+ * picture, as far as the model goes. */
+static int choose_half(double *half, const lens *l, char said[512], const char *spec, const lens_use *u,
+                       double fov_deg, errmsg *e)
 {
     lens all = *l;
     const double end = lens_end(l), corner = farthest(l, u);
-    if (l->kind == LENS_POLYNOMIAL && !(end > 1e-3)) return err_set(e, "%s: expected a radius that grows with the angle, found none", spec);
+    if (l->kind == LENS_POLYNOMIAL && !(end > 1e-3))
+        return err_set(e, "%s: expected a radius that grows with the angle, found none", spec);
     *half = fov_deg / 2 * DEG;
     if (fov_deg > 0 && *half <= end) return 0;
-    double last = end < 179 * DEG && l->kind == LENS_POLYNOMIAL ? end * (1 - 1e-3) : end; /* at its end a pixel would hold any solid angle */
+    double last = end < 179 * DEG && l->kind == LENS_POLYNOMIAL
+                      ? end * (1 - 1e-3)
+                      : end; /* at its end a pixel would hold any solid angle */
     if (lens_finish(&all, last, e)) return -1;
     const double reach = 1 / all.scale;
     if (reach >= corner) {
@@ -130,11 +148,15 @@ static int choose_half(double *half, const lens *l, char said[512], const char *
         return 0;
     }
     if (fov_deg > 0 && l->kind != LENS_TABLE) return 0; /* lens_finish() has the words */
-    if (fov_deg > 0) return err_set(e, "%s: expected a model that reaches %g degrees, half the field of view, found that it ends at %.4g, within the picture", spec,
-                                    fov_deg / 2, end / DEG);
+    if (fov_deg > 0)
+        return err_set(e,
+                       "%s: expected a model that reaches %g degrees, half the field of view, found that it "
+                       "ends at %.4g, within the picture",
+                       spec, fov_deg / 2, end / DEG);
     *half = last;
-    snprintf(said + strlen(said), 512 - strlen(said), "%s%s: the model ends at %.4g degrees, within the picture: what lies beyond is not used", *said ? "; " : "", spec,
-             end / DEG);
+    snprintf(said + strlen(said), 512 - strlen(said),
+             "%s%s: the model ends at %.4g degrees, within the picture: what lies beyond is not used",
+             *said ? "; " : "", spec, end / DEG);
     return 0;
 }
 
@@ -143,8 +165,10 @@ static int check_tangential(const lens *l, const char *spec, double half, errmsg
 {
     double u = tan(fmin(half, 89.9 * DEG)), most = 3 * l->tangential * u * u * l->focal_px;
     if (most > 0.1)
-        return err_set(e, "%s: expected a radial model, found tangential terms that move points by up to %.2g pixels; calibrate without them (CALIB_ZERO_TANGENT_DIST)", spec,
-                       most);
+        return err_set(e,
+                       "%s: expected a radial model, found tangential terms that move points by up to %.2g "
+                       "pixels; calibrate without them (CALIB_ZERO_TANGENT_DIST)",
+                       spec, most);
     return 0;
 }
 
@@ -154,18 +178,24 @@ static int read_file(lens *l, double *fov_deg, char said[512], const char *spec,
     errmsg why;
     if (!path) return err_set(e, "out of memory");
     int rc = text_read(&text, path, &why);
-    if (!rc) at = NULL; /* part of the name */
+    if (!rc)
+        at = NULL; /* part of the name */
     else if (at) {
         *at++ = 0;
         rc = text_read(&text, path, &why);
     }
     if (rc) {
         free(path);
-        return err_set(e, "lens: expected equidistant, equisolid, stereographic, orthographic or a file, found %s", why.text);
+        return err_set(
+            e, "lens: expected equidistant, equisolid, stereographic, orthographic or a file, found %s",
+            why.text);
     }
-    if (calibration_is_ocam(text)) rc = calibration_ocam(l, text, path, e);
-    else if (calibration_is_tree(text)) rc = calibration_tree(l, said, text, path, at, e);
-    else rc = parse(l, fov_deg, text, path, e);
+    if (calibration_is_ocam(text))
+        rc = calibration_ocam(l, text, path, e);
+    else if (calibration_is_tree(text))
+        rc = calibration_tree(l, said, text, path, at, e);
+    else
+        rc = parse(l, fov_deg, text, path, e);
     free(text);
     free(path);
     return rc;
@@ -178,8 +208,10 @@ int lens_read_for(lens *l, char said[512], const char *spec, const lens_use *use
     memset(&t, 0, sizeof t);
     said[0] = 0;
     int k = lens_kind_by_name(spec);
-    if (k >= 0) t.kind = (lens_kind)k;
-    else if (read_file(&t, &fov_deg, said, spec, e)) return -1;
+    if (k >= 0)
+        t.kind = (lens_kind)k;
+    else if (read_file(&t, &fov_deg, said, spec, e))
+        return -1;
     if (t.focal_px > 0 && use->width > 0) {
         if (fit_to_picture(&t, said, spec, use, e)) return -1;
     }

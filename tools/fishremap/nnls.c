@@ -10,7 +10,8 @@
 
 int nnls(double *x, int n, const double *a, const double *b, int m)
 {
-    double *r = malloc(sizeof(double) * (size_t)m), *sub = malloc(sizeof(double) * (size_t)m * (size_t)n), *rhs = malloc(sizeof(double) * (size_t)(m > n ? m : n));
+    double *r = malloc(sizeof(double) * (size_t)m), *sub = malloc(sizeof(double) * (size_t)m * (size_t)n),
+           *rhs = malloc(sizeof(double) * (size_t)(m > n ? m : n));
     int *in = calloc((size_t)n, 2 * sizeof *in), *list = in + n, rc = r && sub && rhs && in ? 0 : -1;
     memset(x, 0, sizeof(double) * (size_t)n);
     for (int outer = 0; !rc && outer < 3 * n; outer++) {
@@ -23,7 +24,9 @@ int nnls(double *x, int n, const double *a, const double *b, int m)
         for (int k = 0; k < n; k++) {
             if (in[k]) continue;
             double s = 0, norm = 0;
-            for (int i = 0; i < m; i++) s += a[(size_t)i * (size_t)n + (size_t)k] * r[i], norm += a[(size_t)i * (size_t)n + (size_t)k] * a[(size_t)i * (size_t)n + (size_t)k];
+            for (int i = 0; i < m; i++)
+                s += a[(size_t)i * (size_t)n + (size_t)k] * r[i],
+                    norm += a[(size_t)i * (size_t)n + (size_t)k] * a[(size_t)i * (size_t)n + (size_t)k];
             s /= sqrt(norm + 1e-300);
             if (s > best) best = s, pick = k;
         }
@@ -36,7 +39,8 @@ int nnls(double *x, int n, const double *a, const double *b, int m)
             if (!np) break;
             for (int i = 0; i < m; i++) {
                 rhs[i] = b[i];
-                for (int k = 0; k < np; k++) sub[(size_t)i * (size_t)np + (size_t)k] = a[(size_t)i * (size_t)n + (size_t)list[k]];
+                for (int k = 0; k < np; k++)
+                    sub[(size_t)i * (size_t)np + (size_t)k] = a[(size_t)i * (size_t)n + (size_t)list[k]];
             }
             if (LAPACKE_dgels(LAPACK_ROW_MAJOR, 'N', m, np, 1, sub, np, rhs, 1)) {
                 rc = -1;

@@ -1,6 +1,6 @@
 /*
- * nnls.h - min |A x - b| over x >= 0: Lawson & Hanson, Solving Least Squares Problems (1974), chapter 23; each subproblem goes
- * through QR.
+ * nnls.h - min |A x - b| over x >= 0: Lawson & Hanson, Solving Least Squares Problems (1974), chapter 23;
+ * each subproblem goes through QR.
  */
 #ifndef NNLS_H
 #define NNLS_H

@@ -10,8 +10,8 @@
 extern settings cfg;
 extern const cli_prog prog;
 
-/* Ends the program (CLI_USAGE, in words) where an option is missing or means nothing for these pictures; what was
- * not given gets its default. */
+/* Ends the program (CLI_USAGE, in words) where an option is missing or means nothing for these pictures; what
+ * was not given gets its default. */
 void usage_check(settings *s, int operands);
 
 #endif

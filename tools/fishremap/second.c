@@ -1,10 +1,11 @@
 /*
  * second.c - a second view of the same mirror ball, from elsewhere, added to the first.
  *
- * A ball shows all directions, but those behind it in a rim of a few pixels, and its own photographer in the middle.  Each direction
- * is taken from both views by how well they show it, best near the middle of their pictures and not at all
- * towards the rim's last degrees.  The second picture's exposure is matched first: the factor is the median ratio
- * over the directions that both show well, weighted with solid angle, so that what moved or shines at one side alone has no say.
+ * A ball shows all directions, but those behind it in a rim of a few pixels, and its own photographer in the
+ * middle.  Each direction is taken from both views by how well they show it, best near the middle of their
+ * pictures and not at all towards the rim's last degrees.  The second picture's exposure is matched first:
+ * the factor is the median ratio over the directions that both show well, weighted with solid angle, so that
+ * what moved or shines at one side alone has no say.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -12,7 +13,7 @@
 
 #include "settings.h"
 
-#define DEG (M_PI / 180)
+#define DEG           (M_PI / 180)
 #define LEAST_OVERLAP 0.05 /* sr, about 14 degrees across: below, no exposure is told from it */
 
 typedef struct sample {
@@ -67,7 +68,9 @@ static int match(outcome *o, const views *p, errmsg *e)
     o->second_gain = 1, o->second_residual = o->second_overlap = 0;
     for (size_t i = 0; i < n; i++) {
         if (p->alpha[0][i] < 0.9f || p->alpha[1][i] < 0.9f) continue;
-        double well[2], sum[2] = {0, 0}, omega = chart_pixel_solid_angle(p->dst, (int)(i % (size_t)p->dst->width), (int)(i / (size_t)p->dst->width));
+        double well[2], sum[2] = {0, 0},
+                        omega = chart_pixel_solid_angle(p->dst, (int)(i % (size_t)p->dst->width),
+                                                        (int)(i / (size_t)p->dst->width));
         for (int v = 0; v < 2; v++)
             for (size_t c = 0; c < 3; c++) sum[v] += (double)p->rgb[v][3 * i + c];
         if (!(omega > 0) || !(sum[0] > 0) || !(sum[1] > 0)) continue;
@@ -89,12 +92,16 @@ static int match(outcome *o, const views *p, errmsg *e)
 static void tell(outcome *o, const settings *s, double matched)
 {
     if (s->have_second_gain && s->second_gain > 0) {
-        remark(o, "%s: factor %.4g as given; %.4g would match over the %.2g sr that both show", s->second, s->second_gain, matched, o->second_overlap);
+        remark(o, "%s: factor %.4g as given; %.4g would match over the %.2g sr that both show", s->second,
+               s->second_gain, matched, o->second_overlap);
     } else if (o->second_residual == 0 && o->second_overlap < LEAST_OVERLAP) {
-        remark(o, "%s: exposure not matched, only %.2g sr are shown well by both pictures", s->second, o->second_overlap);
+        remark(o, "%s: exposure not matched, only %.2g sr are shown well by both pictures", s->second,
+               o->second_overlap);
     } else {
-        remark(o, "%s: light times %.4g, matched over the %.2g sr that both show, where they then differ by %.1f %%%s", s->second, o->second_gain,
-               o->second_overlap, 100 * o->second_residual,
+        remark(o,
+               "%s: light times %.4g, matched over the %.2g sr that both show, where they then differ by "
+               "%.1f %%%s",
+               s->second, o->second_gain, o->second_overlap, 100 * o->second_residual,
                o->second_residual > 0.25 ? ": that is much; is its place in --second-view right?" : "");
     }
 }
@@ -108,12 +115,15 @@ static void blend(const views *p, double gain)
         for (int k = 0; k < 2; k++) weight[k] *= (double)p->alpha[k][i];
         double sum = weight[0] + weight[1];
         for (size_t k = 0; sum > 0 && k < 3; k++)
-            p->rgb[0][3 * i + k] = (float)((weight[0] * (double)p->rgb[0][3 * i + k] + weight[1] * gain * (double)p->rgb[1][3 * i + k]) / sum);
+            p->rgb[0][3 * i + k] = (float)((weight[0] * (double)p->rgb[0][3 * i + k] +
+                                            weight[1] * gain * (double)p->rgb[1][3 * i + k]) /
+                                           sum);
         p->alpha[0][i] = fmaxf(p->alpha[0][i], p->alpha[1][i]);
     }
 }
 
-int second_add(float *rgb, float *alpha, outcome *o, const settings *s, const chart *first, const chart *dst, errmsg *e)
+int second_add(float *rgb, float *alpha, outcome *o, const settings *s, const chart *first, const chart *dst,
+               errmsg *e)
 {
     settings t = *s;
     img im;
@@ -130,10 +140,11 @@ int second_add(float *rgb, float *alpha, outcome *o, const settings *s, const ch
         goto done;
     }
     if (input_load(&im, &all_good, &t, e)) goto done;
-    double dx = fmax(fmax(-view[0], view[0] - im.info.width), 0), dy = fmax(fmax(-view[1], view[1] - im.info.height), 0);
+    double dx = fmax(fmax(-view[0], view[0] - im.info.width), 0),
+           dy = fmax(fmax(-view[1], view[1] - im.info.height), 0);
     if (hypot(dx, dy) >= view[2]) {
-        err_set(e, "%s: expected the ball to reach into the picture (%d x %d), found X,Y,R %g,%g,%g", s->second, im.info.width, im.info.height,
-                view[0], view[1], view[2]);
+        err_set(e, "%s: expected the ball to reach into the picture (%d x %d), found X,Y,R %g,%g,%g",
+                s->second, im.info.width, im.info.height, view[0], view[1], view[2]);
         img_free(&im);
         goto done;
     }
