@@ -79,7 +79,7 @@ def gyroflow(K, D, **more):
 
 def kalibr(model, intrinsics, dist, coefs):
     return f"cam0:\n  cam_overlaps: []\n  camera_model: {model}\n  distortion_coeffs: {list(coefs)}\n  distortion_model: {dist}\n  intrinsics: {list(intrinsics)}\n" \
-        f"  resolution: [{W}, {H}]\n  rostopic: /cam0/image_raw\n"
+        f"  T_cam_imu:\n  - [1.0, 0.0, 0.0,\n    0.1]\n  - [0.0, 1.0, 0.0, 0.0]\n  resolution: [{W}, {H}]\n  rostopic: /cam0/image_raw\n"
 
 
 def ros(K, D, model):
@@ -225,6 +225,13 @@ def test_what_is_not_understood_is_refused_by_name(tmp_path, text, words):
     r = run("fishremap", *lens(tmp_path, text), "--size", "8x8", "-o", tmp_path / "o.exr", tmp_path / "in.exr", code=1)
     one_line_error(r, "fishremap", *words)
     assert not (tmp_path / "o.exr").exists()
+
+
+def test_small_tangential_terms_are_left_out_and_said(tmp_path):
+    U.write_exr(tmp_path / "in.exr", np.ones((H, W, 3)))
+    text = opencv_yaml([[500, 0, CX], [0, 500, CY], [0, 0, 1]], (-.2, .05, .0004, -.0002, 0))
+    r = run("fishremap", *lens(tmp_path, text), "--size", "8x8", "-o", tmp_path / "o.exr", tmp_path / "in.exr")
+    assert "tangential" in r.err and "left out" in r.err
 
 
 def test_one_of_two_cameras_by_name(tmp_path):

@@ -45,6 +45,47 @@ std::string without_null(const std::string &s)
     return out;
 }
 
+// FileStorage wants a list's lines further in than the key that they belong to, and flow lists on lines
+// further in than that; YAML allows both at the key's own column, and Kalibr writes so.
+std::string indented_lists(const std::string &s)
+{
+    std::string out;
+    out.reserve(s.size() + 256);
+    int depth = 0;
+    char quote = 0;
+    bool start = true;
+    for (size_t i = 0; i < s.size(); i++) {
+        char c = s[i];
+        if (start && depth == 0) {
+            size_t k = s.find_first_not_of(' ', i);
+            if (k != std::string::npos && s.compare(k, 2, "- ") == 0) out += "  ";
+            start = false;
+        }
+        if (quote) {
+            if (c == '\\' && quote == '"' && i + 1 < s.size())
+                out += s[i++], c = s[i];
+            else if (c == quote || c == '\n')
+                quote = 0;
+        } else if (c == '#' && (i == 0 || std::isspace(static_cast<unsigned char>(s[i - 1])))) {
+            while (i < s.size() && s[i] != '\n') i++; // a comment
+            c = '\n';
+        } else if (c == '"' || (c == '\'' && i > 0 && std::isspace(static_cast<unsigned char>(s[i - 1])))) {
+            quote = c;
+        } else if (c == '[' || c == '{') {
+            depth++;
+        } else if ((c == ']' || c == '}') && depth > 0) {
+            depth--;
+        }
+        if (c == '\n' || c == '\r') {
+            out += depth > 0 || c == '\r' ? ' ' : c;
+            start = c == '\n';
+            continue;
+        }
+        out += c;
+    }
+    return out;
+}
+
 // All that a list holds, if it is numbers, and lists of such, alone.
 bool all_numbers(std::vector<double> &v, const cv::FileNode &n, int depth)
 {
@@ -103,8 +144,10 @@ int vision_tree_read(vision_tree **t, const char *text, const char *name, errmsg
         while (at < s.size() && std::isspace(static_cast<unsigned char>(s[at]))) at++;
         s.erase(0, at);
         if (s.empty()) return err_set(e, "%s: expected a calibration, found nothing", name);
-        if (s[0] != '{' && s[0] != '<' && s.compare(0, 5, "%YAML") != 0)
-            s.insert(0, s.compare(0, 3, "---") == 0 ? "%YAML:1.0\n" : "%YAML:1.0\n---\n");
+        if (s[0] != '{' && s[0] != '<') {
+            bool headed = s.compare(0, 5, "%YAML") == 0, ruled = s.compare(0, 3, "---") == 0;
+            s = (headed ? "" : ruled ? "%YAML:1.0\n" : "%YAML:1.0\n---\n") + indented_lists(s);
+        }
         if (s[0] == '{') s = without_null(s);
         // what cannot be parsed is told in one line of ours, not in OpenCV's log
         cv::ErrorCallback old =

@@ -282,7 +282,7 @@ static int read_kalibr(lens *l, const source *s, const double *q, int n, errmsg 
     if (set_camera(l, s, q[0], q[1], q[2], q[3], 0, e) || read_size(l, s, e)) return -1;
     if (nd && !finite_all(k, nd)) return err_set(e, "%s: expected finite distortion coefficients", s->name);
     if (strcmp(dist, "none") == 0) return fill_table(l, &m, s->name, e);
-    if (strcmp(dist, "radtan") == 0 && nd == 4 && which < 2)
+    if ((strcmp(dist, "radtan") == 0 || strcmp(dist, "radial-tangential") == 0) && nd == 4 && which < 2)
         return set_radtan(l, &m, s, k, nd, e) ? -1 : fill_table(l, &m, s->name, e);
     if (strcmp(dist, "equidistant") == 0 && nd == 4 && which == 0) return set_kb(l, k, nd);
     if (strcmp(dist, "fov") == 0 && nd == 1 && which == 0 && k[0] > 1e-6 && k[0] < M_PI) {

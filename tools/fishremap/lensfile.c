@@ -160,15 +160,21 @@ static int choose_half(double *half, const lens *l, char said[512], const char *
     return 0;
 }
 
-/* Tangential terms move a point by up to about 3 |p| u^2 f, u the tangent. */
-static int check_tangential(const lens *l, const char *spec, double half, errmsg *e)
+/* Tangential terms, which are left out, move a point by up to about 3 |p| u^2 f, u the tangent.  A twentieth
+ * of a degree is said, more refused. */
+static int check_tangential(const lens *l, char said[512], const char *spec, errmsg *e)
 {
-    double u = tan(fmin(half, 89.9 * DEG)), most = 3 * l->tangential * u * u * l->focal_px;
-    if (most > 0.1)
+    const double u = tan(fmin(l->half, 89.9 * DEG)), most = 3 * l->tangential * u * u;
+    if (most * l->focal_px < 0.01) return 0;
+    if (most > 0.05 * DEG)
         return err_set(e,
                        "%s: expected a radial model, found tangential terms that move points by up to %.2g "
-                       "pixels; calibrate without them (CALIB_ZERO_TANGENT_DIST)",
-                       spec, most);
+                       "pixels; calibrate without "
+                       "them (CALIB_ZERO_TANGENT_DIST)",
+                       spec, most * l->focal_px);
+    snprintf(said + strlen(said), 512 - strlen(said),
+             "%s%s: tangential terms, up to %.2g pixels, are left out", *said ? "; " : "", spec,
+             most * l->focal_px);
     return 0;
 }
 
@@ -222,7 +228,7 @@ int lens_read_for(lens *l, char said[512], const char *spec, const lens_use *use
         half = fov_deg / 2 * DEG;
     }
     if (lens_finish(&t, half, e)) return -1;
-    if (t.focal_px > 0 && t.tangential > 0 && check_tangential(&t, spec, t.half, e)) return -1;
+    if (t.focal_px > 0 && t.tangential > 0 && check_tangential(&t, said, spec, e)) return -1;
     *l = t;
     return 0;
 }
