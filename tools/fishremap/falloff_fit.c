@@ -172,7 +172,7 @@ static int keep_best(const posterior *p, void *arg)
 
 /* ---- what the outliers' judge asks ------------------------------------------------------------------- */
 
-int fit_deleted(double *t, const fit_data *d)
+int fit_deleted(double *t, double *off, const fit_data *d)
 {
     posterior *p = malloc(sizeof *p);
     const int n = count_in(d);
@@ -190,7 +190,7 @@ int fit_deleted(double *t, const fit_data *d)
                 e = r, left = fmax(p->sum / fmax(n - 2, 1), FIT_LEAST_NOISE * FIT_LEAST_NOISE) * (1 + h);
             }
             double q = e / sqrt(left);
-            if (fabs(q) < fabs(t[i])) t[i] = q;
+            if (fabs(q) < fabs(t[i])) t[i] = q, off[i] = e;
         }
     }
     free(p);

@@ -121,10 +121,17 @@ static int is_last(const fit_data *d, int i)
     return 1;
 }
 
+/* How far reading i is off, in standard deviations.  Of the last one, what falls off beyond the rest is a
+ * lens's way, down to a third. */
+static double wildness(const fit_data *d, const double *t, const double *off, int i)
+{
+    return is_last(d, i) && off[i] < 0 && off[i] > -1.1 ? fabs(t[i]) / 4 : fabs(t[i]);
+}
+
 int fit_outliers(fit_data *d)
 {
     if (d->n < 5) return 0;
-    double *t = malloc(sizeof *t * (size_t)d->n);
+    double *t = malloc(2 * sizeof *t * (size_t)d->n), *off = t + d->n;
     if (!t || by_neighbours(d)) {
         free(t);
         return -1;
@@ -133,19 +140,13 @@ int fit_outliers(fit_data *d)
     for (int it = 0; !rc && it < 4 * d->n && it < 200; it++) {
         int count = 0, worst = -1, back = -1;
         for (int i = 0; i < d->n; i++) count += d->in[i];
-        rc = fit_deleted(t, d);
+        rc = fit_deleted(t, off, d);
         if (rc) break;
         double limit = limit_of_t(count - 3), most = limit, least = it < 2 * d->n ? 0.75 * limit : 0;
         for (int i = 0; i < d->n; i++) {
-            if (d->in[i]) {
-                double q = fabs(t[i]);
-                if (is_last(d, i) && t[i] < 0) q /= 4; /* what falls off beyond the rest is a lens's way */
-                if (q > most) most = q, worst = i;
-            } else {
-                double q = fabs(t[i]);
-                if (is_last(d, i) && t[i] < 0) q /= 4;
-                if (q < least) least = q, back = i;
-            }
+            const double q = wildness(d, t, off, i);
+            if (d->in[i] && q > most) most = q, worst = i;
+            if (!d->in[i] && q < least) least = q, back = i;
         }
         if (worst >= 0 && count > 4)
             d->in[worst] = 0;

@@ -143,8 +143,9 @@ static void read_operand(falloff_reading *r, seen_top *top, const lens *l, char 
     source_disc s;
     load(&im, &top->white, &c, l, operand);
     if (source_find(&s, im.pix, &c, deg * DEG, &e)) cli_fail(CLI_FAILED, "%s: %s", operand, e.text);
+    const int elsewhere = fabs(s.theta - deg * DEG) > 12 * DEG; /* where source_find() does not even look: no source */
     if (fabs(s.theta - deg * DEG) > 5 * DEG)
-        cli_note("%s: the source seems to stand at %.1f degrees, not at %g", operand, s.theta / DEG, deg);
+        cli_note("%s: the source seems to stand at %.1f degrees, not at %g%s", operand, s.theta / DEG, deg, elsewhere ? ": left out" : "");
     memset(r, 0, sizeof *r);
     /* what was averaged has angles of its own: a disc at the rim is cut, or hides half of itself; but a source elsewhere than said is not believed */
     r->theta = fabs(s.theta - deg * DEG) < 1.5 * DEG ? s.mean_theta : deg * DEG;
@@ -153,7 +154,7 @@ static void read_operand(falloff_reading *r, seen_top *top, const lens *l, char 
     memcpy(top->value, s.top, sizeof top->value);
     memcpy(top->share, s.at_top, sizeof top->share);
     top->deg = deg;
-    memcpy(r->y, s.value, sizeof r->y);
+    if (!elsewhere) memcpy(r->y, s.value, sizeof r->y);
     memcpy(r->sd, s.sd, sizeof r->sd);
     img_free(&im);
     *at = '@';
