@@ -70,8 +70,7 @@ static void check_meaning(const settings *s)
               disc = !array && from != VIEW_PROBE && from != VIEW_LATLONG;
     const int ball = array || from == VIEW_BALL, falloff = disc && from != VIEW_BALL;
     const int posed = array && s->nu > 1 && s->nv > 1 && s->camera_distance > 0;
-    const int latlong_too =
-        (from == VIEW_LATLONG || to == VIEW_LATLONG) && s->polar_max_deg == 180; /* what it shows anyway */
+    const int all = !array && s->polar_max_deg == 180; /* limits nothing, whatever the chart */
     const int grid = array || to == VIEW_PROBE || to == VIEW_LATLONG;
     const rule rules[] = {
         {"from", array && s->from != VIEW_BALL, 0, "a picture of one thing, or none with mirror spheres"},
@@ -85,7 +84,7 @@ static void check_meaning(const settings *s)
         {"falloff", s->falloff != NULL, falloff, "a fisheye or angular picture as IN"},
         {"falloff-set", s->falloff_set != NULL, s->falloff != NULL, "--falloff"},
         {"aperture", s->aperture > 0, s->falloff && !s->falloff_set, "--falloff, without --falloff-set"},
-        {"polar-max", s->polar_max_deg > 0, array || from == VIEW_PROBE || to == VIEW_PROBE || latlong_too,
+        {"polar-max", s->polar_max_deg > 0, array || from == VIEW_PROBE || to == VIEW_PROBE || all,
          "a probe as IN or OUT"},
         {"span", s->span_deg > 0, !array && (from == VIEW_LATLONG || to == VIEW_LATLONG),
          "a latlong picture as IN or OUT"},
