@@ -167,6 +167,7 @@ TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
 -include report/report.mk tests/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
+$(B)/test/falloffsim: LIBS_IMAGE += -llapacke -llapack
 $(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)

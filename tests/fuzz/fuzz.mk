@@ -21,7 +21,7 @@ FUZZ_LIB_times    := hdrgen
 REPLAYS := $(FUZZ_NAMES:%=$(B)/test/fuzz_%)
 $(B)/obj/tests/fuzz/%.o: CPPFLAGS += -Itools/hdrgen -Itools/fishremap -Itools/stagectl
 define replay_rule
-$(B)/test/fuzz_$(1): $(B)/obj/tests/fuzz/fuzz_$(1).o $(B)/obj/tests/fuzz/replay.o $(FUZZ_LIB_$(1):%=$(B)/obj/lib%.a) $(LIBCOMMON) $(LIBILF)
+$(B)/test/fuzz_$(1): $(B)/obj/tests/fuzz/fuzz_$(1).o $(B)/obj/tests/fuzz/replay.o $(FUZZ_LIB_$(1):%=$(B)/obj/lib%.a) $(LIBVISION) $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $$(@D)
 	@echo "  LD  $$(@F)"
 	$$(Q)$$(CC) $$(LDFLAGS) -o $$@ $$^ $$(foreach t,$(FUZZ_LIB_$(1)),$$(LIBS_$$(t))) $$(LIBS_IMAGE)
@@ -51,7 +51,7 @@ $(FUZZ_DIR)/libown.a: $(patsubst %.c,$(FUZZ_DIR)/obj/%.o,$(FUZZ_OWN_ilf)) $(pats
 $(foreach t,$(TOOLS),$(eval $(FUZZ_DIR)/lib$(t).a: $(patsubst %.c,$(FUZZ_DIR)/obj/%.o,$(call fuzz_sources,$(t))) ; @rm -f $$@; ar rcs $$@ $$^))
 
 define fuzz_rule
-$(FUZZ_DIR)/fuzz_$(1): $(FUZZ_DIR)/obj/tests/fuzz/fuzz_$(1).o $(FUZZ_LIB_$(1):%=$(FUZZ_DIR)/lib%.a) $(FUZZ_DIR)/libown.a
+$(FUZZ_DIR)/fuzz_$(1): $(FUZZ_DIR)/obj/tests/fuzz/fuzz_$(1).o $(FUZZ_LIB_$(1):%=$(FUZZ_DIR)/lib%.a) $(LIBVISION) $(FUZZ_DIR)/libown.a
 	@echo "  LD  fuzz_$(1) (clang)"
 	$$(Q)$(CLANG) $(FUZZ_FLAGS) -fsanitize=fuzzer -o $$@ $$^ $$(foreach t,$(FUZZ_LIB_$(1)),$$(LIBS_$$(t))) $$(LIBS_IMAGE)
 endef

@@ -54,7 +54,7 @@ E = {
     },
     "test_falloffcal.py": {
         "test_three_angles": ("falloff from three angles", FISH + "falloff_fit.c", "3 readings", "within 3 %, deviations say so"),
-        "test_wild_outliers_survive": ("falloff readings far off", FISH + "falloff_fit.c", "several of 20, x 2 and more", "left out, curve within 2 %"),
+        "test_wild_outliers_survive": ("falloff readings far off", FISH + "falloff_outliers.c", "several of 20, x 2 and more", "left out, curve within 2 %"),
         "test_a_proven_rise_is_kept": ("falloff that is not monotone", FISH + "falloff_fit.c", "rise of more than 3 sigma", "kept where it is proven"),
         "test_extrapolation_says_how_unsure_it_is": ("falloff beyond the last reading", FISH + "falloff_fit.c", "readings to 60 of 92.5 degrees", "within its stated deviation"),
     },
@@ -62,7 +62,7 @@ E = {
         "test_circle_partly_outside_the_frame": ("fisheye circle partly outside the frame", FISH + "plan.c", "up to half of it", "inside exact, outside marked"),
         "test_radiance_over_twelve_decades": ("remap over 12 decades", FISH + "weights.c", "1e-6 .. 1e6", "no bleeding beyond the footprint"),
         "test_bad_pixels_are_left_out": ("NaN and infinite pixels in a picture", FISH + "remap.c", "single and whole texels", "left out, never spread"),
-        "test_huge_numbers_are_refused_or_answered": ("absurd sizes, fields, centres", FISH + "fishremap.c", "up to 1e300", "refused or finite"),
+        "test_huge_numbers_are_refused_or_answered": ("absurd sizes, fields, centres", FISH + "options.c", "up to 1e300", "refused or finite"),
         "test_lens_that_stops_growing_is_refused_with_the_angle": ("lens polynomial that turns", FISH + "lens.c", "turns inside the field", "refused with the angle"),
         "test_tiny_pictures": ("pictures of 1 pixel", FISH + "weights.c", "1x1 .. 3x3 pixels", "a constant stays constant"),
     },

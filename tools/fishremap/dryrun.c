@@ -16,7 +16,7 @@
 int job_dry_run(const settings *s, errmsg *e)
 {
     lens l = {.half = M_PI / 2};
-    const char *const files[] = {s->mask, s->second};
+    const char *const files[] = {s->mask, s->second, s->second_mask};
     int lens_needed = !s->nu && (s->from == VIEW_FISHEYE || s->to == VIEW_FISHEYE);
     if (lens_needed && lens_read(&l, s->lens, s->fov_deg, e)) return -1;
     if (s->falloff) {

@@ -292,7 +292,9 @@ void falloff_apply(float *pix, int channels, const chart *c, const falloff *f)
     for (int y = 0; y < c->height; y++) {
         float *p = pix + (size_t)y * (size_t)c->width * (size_t)channels;
         for (int x = 0; x < c->width; x++, p += channels) {
-            double r = fmin(hypot(x + 0.5 - c->cx, y + 0.5 - c->cy) / c->radius, 1) * N;
+            double px, py;
+            chart_disc_place(&px, &py, c, x + 0.5, y + 0.5);
+            double r = fmin(hypot(px, py), 1) * N;
             int i = (int)r;
             float s = (float)(r - i);
             for (int k = 0; k < colours; k++) p[k] *= gain[k][i] + s * (gain[k][i + 1] - gain[k][i]);

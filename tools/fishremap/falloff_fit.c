@@ -1,9 +1,14 @@
 /*
- * falloff_fit.c - penalised, monotone, robust fit of a falloff curve (falloff_fit.h).
+ * falloff_fit.c - penalised, monotone fit of a falloff curve, averaged over what it could be (falloff_fit.h).
+ *
+ * The curve is a Gaussian process on the nodes whose third differences are independent, of variance s^2 /
+ * (lambda w_k); w falls towards the rim by one of three laws, since a lens that vignettes bends there a
+ * hundred times as hard as in the middle.  Each (lambda, law) has a marginal likelihood (REML: Patterson &
+ * Thompson 1971; as a smoothing spline's: Wahba 1985), and what is written is the mean over all of them, by
+ * those: its deviation is that of the curves and that between them.
  *
  * The monotone problem is least squares with signs: with steps s_k = g_k - g_(k+1) >= 0 and a level
- * that is shifted far above 0 all unknowns are >= 0, which Lawson & Hanson's NNLS (1974)
- * solves exactly; each of its subproblems goes through QR.
+ * that is shifted far above 0 all unknowns are >= 0, which nnls.h solves exactly.
  */
 #include "falloff_fit.h"
 
@@ -12,14 +17,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define N FIT_NODES
-#define SHIFT 64.0 /* log units above anything that occurs */
+#include "falloff_outliers.h"
+#include "nnls.h"
 
-/* Readings of one channel in log units. */
-typedef struct data {
-    int n;
-    double *t, *y, *w; /* t in node units */
-} data;
+#define N        FIT_NODES
+#define SHIFT    64.0 /* log units above anything that occurs */
+#define LAWS     3
+#define LEAST_SD 1e-4 /* no reading is better */
 
 /* Row of the data matrix: cubic (Lagrange, even about 0) interpolation between nodes. */
 static void basis(double row[N], double t)
@@ -44,218 +48,203 @@ static void third(double row[N], int k)
 
 #define NPEN (N - 2) /* k = 0 .. N-3 */
 
-/* Symmetric A = sum w b b' + lambda D'D, Cholesky-factored; right-hand side solved in g.  inverse
- * (may be NULL) gets A^-1.  Used for the smooth, unconstrained fit: N is small and the penalty keeps
- * the condition in hand. */
-static int solve_smooth(double g[N], double (*inverse)[N], const data *d, double lambda)
+/* One (lambda, law): the posterior of the curve, given the readings. */
+typedef struct posterior {
+    double lambda;
+    int law;
+    double g[N], inv[N][N]; /* mean, and covariance in units of variance */
+    double sum;             /* weighted squares, penalty included */
+    double freedom, score;  /* trace of the smoother; -2 log of the marginal likelihood */
+} posterior;
+
+/* How stiff the curve is at third difference k, law 0: alike everywhere; 1 and 2: over the last third of the
+ * field its deviation grows to 6 and 40 times. */
+static double stiffness(int law, int k)
+{
+    static const double most[LAWS] = {1, 6, 40};
+    double t = ((double)k - 0.5) / (N - 1), s = fmin(fmax((t - 0.6) / 0.4, 0), 1);
+    return pow(most[law], -2 * s);
+}
+
+/* A = sum w b b' + lambda D'WD, by Cholesky: N is small and the penalty keeps the condition in hand. */
+static int solve(posterior *p, const fit_data *d, double lambda, int law)
 {
     static const double ridge = 1e-12;
-    double a[N][N], row[N];
+    double a[N][N], row[N], logs = 0;
+    int n = 0;
     memset(a, 0, sizeof a);
-    memset(g, 0, sizeof(double) * N);
+    p->lambda = lambda, p->law = law;
+    memset(p->g, 0, sizeof p->g);
     for (int i = 0; i < d->n; i++) {
-        if (d->w[i] <= 0) continue;
-        basis(row, d->t[i]);
-        for (int p = 0; p < N; p++) {
-            if (row[p] == 0) continue;
-            g[p] += d->w[i] * row[p] * d->y[i];
-            for (int q = 0; q < N; q++) a[p][q] += d->w[i] * row[p] * row[q];
+        if (!d->in[i]) continue;
+        const double *b = d->row[i];
+        n++;
+        for (int j = 0; j < N; j++) {
+            if (b[j] == 0) continue;
+            p->g[j] += b[j] * d->y[i];
+            for (int q = 0; q < N; q++) a[j][q] += b[j] * b[q];
         }
     }
     for (int k = 0; k < NPEN; k++) {
+        double w = lambda * stiffness(law, k);
         third(row, k);
-        for (int p = 0; p < N; p++)
-            for (int q = 0; row[p] != 0 && q < N; q++) a[p][q] += lambda * row[p] * row[q];
+        logs -= log(w);
+        for (int j = 0; j < N; j++)
+            for (int q = 0; row[j] != 0 && q < N; q++) a[j][q] += w * row[j] * row[q];
     }
-    for (int p = 0; p < N; p++) a[p][p] += ridge;
+    for (int j = 0; j < N; j++) a[j][j] += ridge;
     if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', N, &a[0][0], N)) return -1;
-    if (LAPACKE_dpotrs(LAPACK_ROW_MAJOR, 'L', N, 1, &a[0][0], N, g, 1)) return -1;
-    if (inverse) {
-        if (LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', N, &a[0][0], N)) return -1;
-        for (int p = 0; p < N; p++)
-            for (int q = 0; q < N; q++) inverse[p][q] = a[p > q ? p : q][p > q ? q : p];
+    for (int j = 0; j < N; j++) logs += 2 * log(a[j][j]);
+    if (LAPACKE_dpotrs(LAPACK_ROW_MAJOR, 'L', N, 1, &a[0][0], N, p->g, 1)) return -1;
+    if (LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', N, &a[0][0], N)) return -1;
+    for (int j = 0; j < N; j++)
+        for (int q = 0; q < N; q++) p->inv[j][q] = a[j > q ? j : q][j > q ? q : j];
+    p->sum = p->freedom = 0;
+    for (int i = 0; i < d->n; i++) {
+        if (!d->in[i]) continue;
+        double r = d->y[i] - fit_predict(p->g, d->row[i]);
+        p->sum += r * r;
+        p->freedom += fit_variance(p->inv, d->row[i]);
     }
+    for (int k = 0; k < NPEN; k++) {
+        double v = 0;
+        third(row, k);
+        for (int j = 0; j < N; j++) v += row[j] * p->g[j];
+        p->sum += lambda * stiffness(law, k) * v * v;
+    }
+    /* beside the level and the bend that no penalty holds, n - 2 numbers tell of the noise; and it is a
+     * prior's two that none is 0 */
+    p->score = logs + (n - 2) * log(p->sum + 2 * LEAST_SD * LEAST_SD);
     return 0;
 }
 
-static double predict(const double g[N], double t)
+double fit_predict(const double g[N], const double row[N])
 {
-    double row[N], v = 0;
-    basis(row, t);
+    double v = 0;
     for (int k = 0; k < N; k++) v += row[k] * g[k];
     return v;
 }
 
-/* Trace of the smoother: what the fit uses of the readings' freedom. */
-static double freedom_of(const data *d, double (*inv)[N])
-{
-    double s = 0, row[N];
-    for (int i = 0; i < d->n; i++) {
-        basis(row, d->t[i]);
-        for (int p = 0; p < N; p++)
-            for (int q = 0; row[p] != 0 && q < N; q++) s += d->w[i] * row[p] * inv[p][q] * row[q];
-    }
-    return s;
-}
-
-static double weight_sum(const data *d)
+double fit_variance(const double (*inv)[N], const double row[N])
 {
     double s = 0;
-    for (int i = 0; i < d->n; i++) s += d->w[i] > 0;
+    for (int j = 0; j < N; j++)
+        for (int q = 0; row[j] != 0 && q < N; q++) s += row[j] * inv[j][q] * row[q];
     return s;
 }
 
-static double residual(const data *d, const double g[N])
+static int count_in(const fit_data *d)
 {
-    double s = 0;
-    for (int i = 0; i < d->n; i++) {
-        double r = d->y[i] - predict(g, d->t[i]);
-        s += d->w[i] * r * r;
-    }
-    return s;
+    int n = 0;
+    for (int i = 0; i < d->n; i++) n += d->in[i];
+    return n;
 }
 
-/* Minimum of GCV over a logarithmic range of lambda; freedom at most n - 1, what n can bear, and what a
- * lens can have: rings of a flat field are many, and their deviations are not independent. */
-static double choose_lambda(double *freedom, const data *d)
+/* What n readings can bear, and what a lens can have: rings of a flat field are many, and their deviations
+ * are not independent. */
+static double most_freedom(int n)
 {
-    double best = INFINITY, at = 1e8, n = weight_sum(d), inv[N][N], g[N];
-    double most = fmax(fmin(fmin(n - 1, 2 + n / 3), 12), 1.5);
-    *freedom = 1;
-    for (int k = 0; k <= 56; k++) {
-        double lambda = pow(10, 10 - 0.25 * k);
-        if (solve_smooth(g, inv, d, lambda)) break;
-        double f = freedom_of(d, inv);
-        if (f > most) break;
-        double score = n * (residual(d, g) + 1e-12) / ((n - f) * (n - f));
-        if (score < best) best = score, at = lambda, *freedom = f;
-    }
-    return at;
+    return fmax(fmin(fmin(n - 1.2, 2 + 0.6 * n), 14), 1.5);
 }
 
-static int by_value(const void *a, const void *b)
+/* All posteriors of one law or, with law < 0, of all; each to be had by call(p, arg). */
+static int each(const fit_data *d, int law, int (*call)(const posterior *p, void *arg), void *arg)
 {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median_abs(double *v, int n)
-{
-    for (int i = 0; i < n; i++) v[i] = fabs(v[i]);
-    qsort(v, (size_t)n, sizeof *v, by_value);
-    return n % 2 ? v[n / 2] : 0.5 * (v[n / 2 - 1] + v[n / 2]);
-}
-
-/* Weights: first absolute deviations, then Tukey's biweight, about a fit of about four parameters. */
-static int robust_weights(data *d)
-{
-    double g[N], inv[N][N], *r = malloc(sizeof(double) * (size_t)d->n), *base = malloc(sizeof(double) * (size_t)d->n);
-    int rc = r && base ? 0 : -1, n = d->n;
-    for (int i = 0; !rc && i < n; i++) base[i] = d->w[i];
-    double lambda = 1e10;
-    for (; !rc && lambda > 1e-4; lambda /= 10) { /* as stiff as four parameters allow */
-        if (solve_smooth(g, inv, d, lambda)) rc = -1;
-        else if (freedom_of(d, inv) > fmin(4, 1 + n / 4.)) break;
-    }
-    lambda *= 10;
-    for (int it = 0; !rc && n >= 5 && it < 60; it++) {
-        rc = solve_smooth(g, NULL, d, lambda);
-        for (int i = 0; i < n; i++) r[i] = d->y[i] - predict(g, d->t[i]);
-        double scale = 1.4826 * median_abs(r, n);
-        if (scale < 0.01) scale = 0.01; /* a stiff curve is itself no better */
-        for (int i = 0; i < n; i++) {
-            double u = fabs(d->y[i] - predict(g, d->t[i])) / (it < 40 ? scale : 6 * scale);
-            d->w[i] = base[i] * (it < 40 ? 1 / fmax(u, 0.1) : u < 1 ? (1 - u * u) * (1 - u * u) : 0);
+    posterior *p = malloc(sizeof *p);
+    const double most = most_freedom(count_in(d));
+    int rc = p ? 0 : -1;
+    for (int l = law < 0 ? 0 : law; !rc && l < (law < 0 ? LAWS : law + 1); l++)
+        for (int k = 0; !rc && k <= 34; k++) {
+            if (solve(p, d, pow(10, 9 - 0.4 * k), l)) break; /* too weak for the numbers */
+            if (k && p->freedom > most) break;
+            rc = call(p, arg);
         }
-    }
-    /* who is in, counts in full */
-    for (int i = 0; !rc && n >= 5 && i < n; i++) d->w[i] = d->w[i] > 0.05 * base[i] ? base[i] : 0;
-    free(r);
-    free(base);
+    free(p);
     return rc;
 }
 
-/* A stiff curve may have turned away readings that the right one bears out, at the rim above all: take
- * back, and send off again, by the curve that cross-validation chooses, until nothing changes. */
-static int settle_weights(double *lambda, double *freedom, data *d)
+static int keep_best(const posterior *p, void *arg)
 {
-    double g[N], *r = malloc(sizeof(double) * (size_t)d->n);
-    if (!r) return -1;
-    for (int it = 0, changed = 1; changed && it < 30; it++) {
-        int k = 0;
-        changed = 0;
-        *lambda = choose_lambda(freedom, d);
-        if (solve_smooth(g, NULL, d, *lambda)) {
-            free(r);
-            return -1;
-        }
-        for (int i = 0; i < d->n; i++)
-            if (d->w[i] > 0) r[k++] = d->y[i] - predict(g, d->t[i]);
-        double limit = 6 * fmax(1.4826 * median_abs(r, k), 0.003);
-        for (int i = 0; i < d->n && d->n >= 5; i++) {
-            int in = fabs(d->y[i] - predict(g, d->t[i])) < limit;
-            changed |= in != (d->w[i] > 0);
-            d->w[i] = in;
-        }
-        if (weight_sum(d) < 2) changed = 0;
-    }
-    *lambda = choose_lambda(freedom, d);
-    free(r);
+    posterior *best = arg;
+    if (p->score < best->score) *best = *p;
     return 0;
 }
 
-/* min |A x - b|, x >= 0 (Lawson & Hanson); A row-major m x N. */
-static int nnls(double x[N], const double *a, const double *b, int m)
+/* ---- what the outliers' judge asks ------------------------------------------------------------------- */
+
+int fit_deleted(double *t, double *off, const fit_data *d)
 {
-    double *r = malloc(sizeof(double) * (size_t)m), *sub = malloc(sizeof(double) * (size_t)m * N), *rhs = malloc(sizeof(double) * (size_t)(m > N ? m : N));
-    int in[N] = {0}, rc = r && sub && rhs ? 0 : -1;
-    memset(x, 0, sizeof(double) * N);
-    for (int outer = 0; !rc && outer < 3 * N; outer++) {
-        double best = 0;
-        int pick = -1;
-        for (int i = 0; i < m; i++) {
-            r[i] = b[i];
-            for (int k = 0; k < N; k++) r[i] -= a[(size_t)i * N + (size_t)k] * x[k];
-        }
-        for (int k = 0; k < N; k++) {
-            if (in[k]) continue;
-            double s = 0, norm = 0;
-            for (int i = 0; i < m; i++) s += a[(size_t)i * N + (size_t)k] * r[i], norm += a[(size_t)i * N + (size_t)k] * a[(size_t)i * N + (size_t)k];
-            s /= sqrt(norm + 1e-300);
-            if (s > best) best = s, pick = k;
-        }
-        if (pick < 0 || best < 1e-11) break;
-        in[pick] = 1;
-        for (int inner = 0; inner < 3 * N; inner++) {
-            int list[N], np = 0;
-            for (int k = 0; k < N; k++)
-                if (in[k]) list[np++] = k;
-            if (!np) break;
-            for (int i = 0; i < m; i++) {
-                rhs[i] = b[i];
-                for (int k = 0; k < np; k++) sub[(size_t)i * (size_t)np + (size_t)k] = a[(size_t)i * N + (size_t)list[k]];
+    posterior *p = malloc(sizeof *p);
+    const int n = count_in(d);
+    int rc = p ? 0 : -1;
+    for (int i = 0; i < d->n; i++) t[i] = INFINITY;
+    for (int law = 0; !rc && law < LAWS; law++) {
+        p->score = INFINITY;
+        rc = each(d, law, keep_best, p);
+        for (int i = 0; !rc && isfinite(p->score) && i < d->n; i++) {
+            double r = d->y[i] - fit_predict(p->g, d->row[i]), h = fit_variance(p->inv, d->row[i]), e, left;
+            if (d->in[i]) { /* as if it were not there: the exact leave-one-out at this lambda */
+                e = r / fmax(1 - h, 1e-6), left = (p->sum - r * e) / fmax(n - 3, 1);
+                left = fmax(left, FIT_LEAST_NOISE * FIT_LEAST_NOISE) / fmax(1 - h, 1e-6);
+            } else {
+                e = r, left = fmax(p->sum / fmax(n - 2, 1), FIT_LEAST_NOISE * FIT_LEAST_NOISE) * (1 + h);
             }
-            if (LAPACKE_dgels(LAPACK_ROW_MAJOR, 'N', m, np, 1, sub, np, rhs, 1)) {
-                rc = -1;
-                break;
-            }
-            double step = 1;
-            for (int k = 0; k < np; k++)
-                if (rhs[k] <= 0) step = fmin(step, x[list[k]] / (x[list[k]] - rhs[k] + 1e-300));
-            for (int k = 0; k < np; k++) x[list[k]] += step * (rhs[k] - x[list[k]]);
-            if (step >= 1) break;
-            for (int k = 0; k < np; k++)
-                if (x[list[k]] <= 1e-14) x[list[k]] = 0, in[list[k]] = 0;
+            double q = e / sqrt(left);
+            if (fabs(q) < fabs(t[i])) t[i] = q, off[i] = e;
         }
     }
-    free(r);
-    free(sub);
-    free(rhs);
+    free(p);
     return rc;
 }
 
+/* ---- the average ------------------------------------------------------------------------------------- */
+
+typedef struct average {
+    int n;            /* readings */
+    double best, sum; /* the best score; of weights */
+    double g[N], second[N][N], freedom, variance;
+} average;
+
+static double noise(const posterior *p, int n)
+{
+    double v = n > 2 ? p->sum / (n - 2) : 0;
+    v = fmax(v, LEAST_SD * LEAST_SD);
+    return n < 4 ? fmax(v, 2.5e-5) : v; /* three points can't show their own scatter */
+}
+
+static int add(const posterior *p, void *arg)
+{
+    average *a = arg;
+    double w = exp(-0.5 * (p->score - a->best)), v = noise(p, a->n);
+    if (w < 1e-6) return 0;
+    double s = a->n > 4   ? v * (a->n - 2) / (a->n - 4.)
+               : a->n > 2 ? 3 * v
+                          : v; /* variance of Student's t; of few, what is usual */
+    a->sum += w, a->freedom += w * p->freedom, a->variance += w * v;
+    for (int j = 0; j < N; j++) {
+        a->g[j] += w * p->g[j];
+        for (int q = 0; q < N; q++) a->second[j][q] += w * (s * p->inv[j][q] + p->g[j] * p->g[q]);
+    }
+    return 0;
+}
+
+/* Mean and covariance of the curve over all (lambda, law); best gets the likeliest. */
+static int average_all(average *a, posterior *best, const fit_data *d)
+{
+    best->score = INFINITY;
+    if (each(d, -1, keep_best, best) || !isfinite(best->score)) return -1;
+    memset(a, 0, sizeof *a);
+    a->n = count_in(d), a->best = best->score;
+    if (each(d, -1, add, a)) return -1;
+    a->freedom /= a->sum, a->variance /= a->sum;
+    for (int j = 0; j < N; j++) a->g[j] /= a->sum;
+    for (int j = 0; j < N; j++)
+        for (int q = 0; q < N; q++) a->second[j][q] = a->second[j][q] / a->sum - a->g[j] * a->g[q];
+    return 0;
+}
+
 /* The fit with g_k >= g_(k+1) from node `from` on. */
-static int solve_monotone(double g[N], const data *d, double lambda, int from)
+static int solve_monotone(double g[N], const fit_data *d, double lambda, int law, int from)
 {
     int m = d->n + NPEN;
     double *a = calloc((size_t)m * N, sizeof(double)), *b = calloc((size_t)m, sizeof(double)), row[N], x[N];
@@ -265,9 +254,11 @@ static int solve_monotone(double g[N], const data *d, double lambda, int from)
         return -1;
     }
     for (int i = 0; i < m; i++) {
-        double w = i < d->n ? sqrt(d->w[i]) : sqrt(lambda);
-        if (i < d->n) basis(row, d->t[i]);
-        else third(row, i - d->n);
+        double w = i < d->n ? d->in[i] : sqrt(lambda * stiffness(law, i - d->n));
+        if (i < d->n)
+            memcpy(row, d->row[i], sizeof row);
+        else
+            third(row, i - d->n);
         /* g_k = level - sum of steps before k, in unknowns (level + SHIFT, s_0, s_1, ...); nodes that
          * may rise take part as levels of their own, shifted alike. */
         double *out = a + (size_t)i * N, sum = 0, run = 0;
@@ -277,7 +268,7 @@ static int solve_monotone(double g[N], const data *d, double lambda, int from)
         sum += run + row[from];
         b[i] = w * ((i < d->n ? d->y[i] : 0) + SHIFT * sum);
     }
-    int rc = nnls(x, a, b, m);
+    int rc = nnls(x, N, a, b, m);
     double level = x[from] - SHIFT;
     for (int k = 0; k < from; k++) g[k] = x[k] - SHIFT;
     for (int k = from; k < N; k++) {
@@ -290,66 +281,113 @@ static int solve_monotone(double g[N], const data *d, double lambda, int from)
 }
 
 /* Last node up to which the smooth fit proves a rise by three standard deviations. */
-static int proven_rise(const double g[N], double (*inv)[N], double variance)
+static int proven_rise(const average *a)
 {
     int top = 0;
     for (int k = 1; k < N; k++)
-        if (g[k] > g[top]) top = k;
+        if (a->g[k] > a->g[top]) top = k;
     for (int k = 0; k < top; k++) {
-        double var = variance * (inv[k][k] + inv[top][top] - 2 * inv[k][top]);
-        if (g[top] - g[k] > 3 * sqrt(fmax(var, 0)) && g[top] - g[k] > 1e-3) return top;
+        double var = a->second[k][k] + a->second[top][top] - 2 * a->second[k][top];
+        if (a->g[top] - a->g[k] > 3 * sqrt(fmax(var, 0)) && a->g[top] - a->g[k] > 1e-3) return top;
     }
     return 0;
 }
 
+/* A reading is the mean over its source's angles: that of the curve's cubic, by three points of the same mean
+ * and variance. */
+static void source_row(double row[N], double t, double spread)
+{
+    double one[N];
+    basis(row, t);
+    if (!(spread > 0)) return;
+    for (int k = 0; k < N; k++) row[k] *= 2. / 3;
+    for (int s = -1; s <= 1; s += 2) {
+        basis(one, fabs(t + s * sqrt(3) * spread));
+        for (int k = 0; k < N; k++) row[k] += one[k] / 6;
+    }
+}
+
+/* The logarithm of a mean is more than the mean logarithm, by half the variance of that over the source. */
+static void take_off_bend(fit_data *d, const double g[N])
+{
+    for (int i = 0; i < d->n; i++) {
+        double a[N], b[N], h = 0.25;
+        basis(a, fabs(d->t[i] - h)), basis(b, fmin(d->t[i] + h, N - 1));
+        double slope = (fit_predict(g, b) - fit_predict(g, a)) / (fmin(d->t[i] + h, N - 1) - (d->t[i] - h));
+        d->y[i] = d->raw[i] - 0.5 * slope * slope * d->spread[i] * d->spread[i];
+    }
+}
+
+static int usable(const falloff_reading *r, int c, double half)
+{
+    return r->y[c] > 0 && isfinite(r->y[c]) && r->theta >= 0 && r->theta <= half * (1 + 1e-9);
+}
+
+static int data_make(fit_data *d, const falloff_reading *r, int n, int c, double half)
+{
+    size_t room = (size_t)(n > 0 ? n : 1);
+    memset(d, 0, sizeof *d);
+    d->row = malloc(sizeof *d->row * room);
+    d->t = malloc(sizeof(double) * 4 * room);
+    d->in = malloc(sizeof(int) * room);
+    if (!d->row || !d->t || !d->in) return -1;
+    d->y = d->t + room, d->raw = d->t + 2 * room, d->spread = d->t + 3 * room;
+    for (int i = 0; i < n; i++) {
+        if (!usable(r + i, c, half)) continue;
+        d->t[d->n] = fmin(r[i].theta / half, 1) * (N - 1);
+        d->spread[d->n] = r[i].spread / half * (N - 1);
+        d->y[d->n] = d->raw[d->n] = log(r[i].y[c]);
+        source_row(d->row[d->n], d->t[d->n], d->spread[d->n]);
+        d->in[d->n++] = 1;
+    }
+    return 0;
+}
+
+static void data_free(fit_data *d)
+{
+    free(d->row);
+    free(d->t);
+    free(d->in);
+}
+
 int falloff_fit(falloff_curve *f, falloff_reading *r, int n, int c, double half, errmsg *e)
 {
-    data d = {0};
-    double g[N], inv[N][N], freedom;
+    fit_data d;
+    double g[N];
     int rc = -1;
-    double *room = malloc(sizeof(double) * 3 * (size_t)(n > 0 ? n : 1));
-    if (!room) return err_set(e, "out of memory");
-    d.t = room, d.y = room + n, d.w = room + 2 * n;
-    for (int i = 0; i < n; i++) {
-        r[i].used[c] = 0;
-        if (!(r[i].y[c] > 0) || !isfinite(r[i].y[c]) || !(r[i].theta >= 0 && r[i].theta <= half * (1 + 1e-9))) continue;
-        d.t[d.n] = fmin(r[i].theta / half, 1) * (N - 1);
-        d.y[d.n] = log(r[i].y[c]);
-        d.w[d.n++] = 1;
+    average *a = malloc(sizeof *a);
+    posterior *best = malloc(sizeof *best);
+    for (int i = 0; i < n; i++) r[i].used[c] = 0;
+    if (data_make(&d, r, n, c, half) || !a || !best) {
+        err_set(e, "out of memory");
+        goto done;
     }
     if (d.n < 2) {
         err_set(e, "expected at least 2 usable readings in channel %c, found %d", "RGB"[c], d.n);
         goto done;
     }
-    double lambda;
-    if (robust_weights(&d) || settle_weights(&lambda, &freedom, &d)) goto failed;
-    if (solve_smooth(g, inv, &d, lambda)) goto failed;
-    double count = weight_sum(&d), left = count - freedom;
-    double variance = left > 0.5 ? residual(&d, g) / left : 0;
-    variance = fmax(variance, 1e-8); /* no reading is better than 1e-4 */
-    if (count < 4) variance = fmax(variance, 2.5e-5); /* three points can't show their own scatter */
-    int from = proven_rise(g, inv, variance);
-    int rises = 0;
+    if (fit_outliers(&d) || average_all(a, best, &d)) goto failed;
+    take_off_bend(&d, a->g);
+    if (average_all(a, best, &d)) goto failed;
+    memcpy(g, a->g, sizeof g);
+    int from = proven_rise(a), rises = 0;
     for (int k = from; k + 1 < N; k++) rises |= g[k + 1] > g[k];
-    if (rises && solve_monotone(g, &d, lambda, from)) goto failed;
-    /* A curve that happens to look simple is not trusted far beyond the readings for that: deviations are
-     * those of at least four parameters. */
-    double stiff = lambda, bend[N];
-    for (int k = 0; k < 60 && count >= 6 && freedom_of(&d, inv) < 4; k++)
-        if (solve_smooth(bend, inv, &d, stiff /= 2)) goto failed;
+    if (rises && solve_monotone(g, &d, best->lambda, best->law, from)) goto failed;
     memset(f, 0, sizeof *f);
     f->half = half;
     f->axis = exp(g[0]);
-    f->freedom = freedom;
-    f->scatter = sqrt(variance);
+    f->freedom = a->freedom;
+    f->scatter = sqrt(a->variance);
     f->rises_to = from * half / (N - 1);
-    for (int k = 0; k < N; k++) {
+    for (int k = 0; k < N;
+         k++) { /* where the free curve rises, the one that may not is off by as much as the other may be */
+        double moved = g[k] - g[0] - (a->g[k] - a->g[0]);
         f->v[k] = exp(g[k] - g[0]);
-        f->sd[k] = sqrt(fmax(variance * (inv[k][k] + inv[0][0] - 2 * inv[k][0]), 0));
+        f->sd[k] = sqrt(fmax(a->second[k][k] + a->second[0][0] - 2 * a->second[k][0], 0) + moved * moved);
     }
     for (int i = 0, j = 0; i < n; i++) {
-        if (!(r[i].y[c] > 0) || !isfinite(r[i].y[c]) || !(r[i].theta >= 0 && r[i].theta <= half * (1 + 1e-9))) continue;
-        r[i].used[c] = d.w[j++] > 0;
+        if (!usable(r + i, c, half)) continue;
+        r[i].used[c] = d.in[j++];
         f->used += r[i].used[c];
     }
     rc = 0;
@@ -357,7 +395,9 @@ int falloff_fit(falloff_curve *f, falloff_reading *r, int n, int c, double half,
 failed:
     err_set(e, "the falloff of channel %c can't be solved for", "RGB"[c]);
 done:
-    free(room);
+    data_free(&d);
+    free(a);
+    free(best);
     return rc;
 }
 

@@ -2,11 +2,11 @@
  * falloff_fit.h - one smooth curve through falloff readings.  Pure.
  *
  * The logarithm g of the relative signal on a grid of angles over the whole field minimises
- *     sum_i w_i (log y_i - g(theta_i))^2 + lambda sum_k (third difference of g)_k^2,
- * with g even about the axis, so that what the data don't say continues as a + b theta^2.  lambda by
- * generalised cross-validation (Craven & Wahba 1979), w by Tukey's biweight about a stiff first fit, so
- * that wild readings lose their vote.  The signal may not grow with the angle, unless the readings
- * prove a rise by three standard deviations.  Positive by construction.
+ *     sum_i (log y_i - g(theta_i))^2 + lambda sum_k w_k (third difference of g)_k^2,
+ * with g even about the axis, so that what the data don't say continues as a + b theta^2.  lambda and how w falls
+ * towards the rim are averaged over by their marginal likelihood: the standard deviations are meant to hold.  g(theta_i) is the mean
+ * over the angles that the source covers.  Outliers are judged by falloff_outliers.h.  The signal may not
+ * grow with the angle, unless the readings prove a rise by three standard deviations.  Positive by construction.
  */
 #ifndef FALLOFF_FIT_H
 #define FALLOFF_FIT_H
@@ -16,7 +16,8 @@
 #define FIT_NODES 49
 
 typedef struct falloff_reading {
-    double theta;  /* radians */
+    double theta;  /* radians; the mean angle of what the reading is the mean of */
+    double spread; /* and the standard deviation of those angles, 0: a point */
     double y[3];   /* signal per channel; not positive: not used */
     double sd[3];  /* its relative standard deviation as measured, 0 unknown */
     int used[3];   /* out: 0 where the fit took it for an outlier */

@@ -13,7 +13,7 @@
 int falloff_write(const char *path, const falloff_curve f[3], const falloff_reading *r, int n, const char *command, errmsg *e)
 {
     outfile *out;
-    double last = 0, rim = f[0].half / DEG;
+    double last = 0, rim = f[0].half / DEG, before[3] = {0};
     if (out_begin(&out, path, e)) return -1;
     FILE *o = out_stream(out);
     fprintf(o, "# brightness falloff of a lens: signal relative to the axis; divide by it\n# %s\n", command);
@@ -31,7 +31,12 @@ int falloff_write(const char *path, const falloff_curve f[3], const falloff_read
     fprintf(o, "# deg        R        G        B     sd R     sd G     sd B\n");
     for (int k = 0;; k++) {
         double t = fmin(k, rim), v[3], s[3];
-        for (int c = 0; c < 3; c++) v[c] = falloff_curve_at(&f[c], t * DEG, &s[c]), s[c] *= v[c];
+        for (int c = 0; c < 3; c++) {
+            v[c] = falloff_curve_at(&f[c], t * DEG, &s[c]);
+            if (k && t * DEG > f[c].rises_to + f[c].half / (FIT_NODES - 1)) v[c] = fmin(v[c], before[c]); /* a cubic between nodes may overshoot by a last digit */
+            before[c] = v[c];
+            s[c] *= v[c];
+        }
         fprintf(o, "%7.4g  %.6f %.6f %.6f %.2e %.2e %.2e\n", t, v[0], v[1], v[2], s[0], s[1], s[2]);
         if (t >= rim) break;
     }

@@ -149,15 +149,31 @@ static double end_of_growth(const lens *l, double half)
     return half;
 }
 
-int lens_finish(lens *l, double half, errmsg *e)
-{
-    static const struct {
-        double most; /* degrees */
-        const char *name;
-    } reach[] = {[LENS_EQUIDISTANT] = {180, "equidistant"}, [LENS_EQUISOLID] = {180, "equisolid"},
+static const struct {
+    double most; /* degrees */
+    const char *name;
+} reach[] = {[LENS_EQUIDISTANT] = {180, "equidistant"}, [LENS_EQUISOLID] = {180, "equisolid"},
                  [LENS_STEREOGRAPHIC] = {179, "stereographic"}, [LENS_ORTHOGRAPHIC] = {90, "orthographic"},
                  [LENS_POLYNOMIAL] = {180, "polynomial"}, [LENS_TABLE] = {180, "table"},
                  [LENS_SPHERE] = {180, "sphere"}};
+
+void lens_camera(lens *l, double fx, double fy, double cx, double cy, double skew)
+{
+    l->focal_px = fx;
+    l->centre_px[0] = cx + 0.5, l->centre_px[1] = cy + 0.5;
+    l->shape[0][0] = 1, l->shape[0][1] = -skew / fx; /* y is up here */
+    l->shape[1][0] = 0, l->shape[1][1] = fy / fx;
+}
+
+double lens_end(const lens *l)
+{
+    if (l->kind == LENS_TABLE) return l->ntable ? l->tab_t[l->ntable - 1] : 0;
+    double most = reach[l->kind].most * DEG;
+    return l->kind == LENS_POLYNOMIAL ? end_of_growth(l, most) : most;
+}
+
+int lens_finish(lens *l, double half, errmsg *e)
+{
     double d, most = reach[l->kind].most;
     if (!(half > 0) || half > most * DEG * (1 + 1e-12))
         return err_set(e, "%s lens: expected a field of view above 0 and up to %g degrees, found %g",

@@ -51,6 +51,9 @@ typedef struct lens {
     double distance;            /* sphere: camera distance in radii, 0 = infinite */
     /* What a file may state besides (0 = not stated); pixels of the picture. */
     double focal_px, centre_px[2];
+    double size_px[2];     /* of the picture that focal_px and centre_px are for */
+    double tangential;     /* |(p1, p2)| of a pinhole camera whose terms were left out */
+    double shape[2][2]; /* (right, up) = radius shape (r cos psi, r sin psi): what makes the circle an ellipse; all 0: a circle */
 } lens;
 
 /* Kind from its name; -1 when it is none of the four that need no coefficients. */
@@ -60,6 +63,12 @@ int lens_kind_by_name(const char *name);
  * ends (orthographic 90, stereographic and equisolid below/at 180 degrees) or at what angle
  * it stops growing.  kind and coefficients must be set. */
 int lens_finish(lens *l, double half, errmsg *e);
+
+/* A camera matrix, OpenCV's: (0,0) in the middle of the first pixel. */
+void lens_camera(lens *l, double fx, double fy, double cx, double cy, double skew);
+
+/* The widest half angle of an unfinished model, radians: where a polynomial stops growing, a table ends, a projection must. */
+double lens_end(const lens *l);
 
 /* A ready mirror sphere; distance in radii (> 1), or 0 for infinitely far. */
 int lens_sphere(lens *l, double distance, errmsg *e);

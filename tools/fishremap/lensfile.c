@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "calibration.h"
 #include "textfile.h"
 
 #define DEG (M_PI / 180)
@@ -15,7 +16,8 @@
 static int bad_line(const char *path, const textlines *t, const char *line, errmsg *e)
 {
     return err_set(e,
-                   "%s: line %d: expected model, polynomial, kannala-brandt, camera, table or fov (see the man page), found \"%.60s\"",
+                   "%s: line %d: expected model, polynomial, kannala-brandt, camera, size, table or fov (see "
+                   "the man page), found \"%.60s\"",
                    path, t->number, line);
 }
 
@@ -28,7 +30,8 @@ static int parse(lens *l, double *fov_deg, const char *text, const char *path, e
         double v[LENS_MAX_COEF];
         int used = 0;
         if (in_table && text_numbers(v, 2, line) == 2) {
-            if (l->ntable == LENS_MAX_TABLE) return err_set(e, "%s: expected at most %d lines of table", path, LENS_MAX_TABLE - 1);
+            if (l->ntable == LENS_MAX_TABLE)
+                return err_set(e, "%s: expected at most %d lines of table", path, LENS_MAX_TABLE - 1);
             if (!l->ntable && v[0] != 0) l->ntable = 1; /* r(0) = 0 goes without saying */
             l->tab_t[l->ntable] = v[0] * DEG;
             l->tab_r[l->ntable++] = v[1];
@@ -58,12 +61,13 @@ static int parse(lens *l, double *fov_deg, const char *text, const char *path, e
             l->kind = LENS_POLYNOMIAL;
             models++;
         } else if (strcmp(word, "camera") == 0) {
-            if (text_numbers(v, 4, rest) != 4 || !(v[0] > 0 && v[1] > 0)) return bad_line(path, &t, line, e);
-            if (fabs(v[0] - v[1]) > 0.01 * v[0])
-                return err_set(e, "%s: expected fx and fy alike to 1 %%, found %g and %g", path, v[0], v[1]);
-            l->focal_px = sqrt(v[0] * v[1]);
-            l->centre_px[0] = v[2] + 0.5;
-            l->centre_px[1] = v[3] + 0.5;
+            int n = text_numbers(v, 5, rest);
+            if (n < 4 || !(v[0] > 0 && v[1] > 0) || (n == 5 && !(fabs(v[4]) < v[0])))
+                return bad_line(path, &t, line, e);
+            lens_camera(l, v[0], v[1], v[2], v[3], n == 5 ? v[4] : 0);
+        } else if (strcmp(word, "size") == 0) {
+            if (text_numbers(l->size_px, 2, rest) != 2 || !(l->size_px[0] >= 1 && l->size_px[1] >= 1))
+                return bad_line(path, &t, line, e);
         } else if (strcmp(word, "table") == 0) {
             l->kind = LENS_TABLE;
             l->ntable = 0;
@@ -80,24 +84,158 @@ static int parse(lens *l, double *fov_deg, const char *text, const char *path, e
     return 0;
 }
 
-int lens_read(lens *l, const char *spec, double fov_deg, errmsg *e)
+/* The camera matrix for the picture at hand. */
+static int fit_to_picture(lens *l, char said[512], const char *spec, const lens_use *u, errmsg *e)
+{
+    const double w = u->width, h = u->height, W = l->size_px[0], H = l->size_px[1];
+    if (W > 0) {
+        /* a size that was rounded to whole pixels has the aspect to half a pixel either way */
+        if (fabs(w * H - h * W) > 0.75 * fmax(W + w, H + h))
+            return err_set(e,
+                           "%s: expected a picture of %g x %g pixels, for which the lens was calibrated, or "
+                           "of its aspect, found %g x %g",
+                           spec, W, H, w, h);
+        double k = 0.5 * (w / W + h / H);
+        l->focal_px *= k;
+        l->centre_px[0] *= w / W, l->centre_px[1] *= h / H;
+    }
+    double off = fmax(fabs(l->centre_px[0] / w - 0.5), fabs(l->centre_px[1] / h - 0.5));
+    if (off > (W > 0 ? 0.25 : 0.1) && !u->centre)
+        return err_set(e,
+                       "%s: expected a camera matrix for a picture of %g x %g pixels, found the principal "
+                       "point at %.5g, %.5g, far from its middle%s",
+                       spec, w, h, l->centre_px[0], l->centre_px[1],
+                       W > 0 ? "" : "; state the size that it is for (a line \"size W H\")");
+    if (!(W > 0))
+        snprintf(said + strlen(said), 512 - strlen(said),
+                 "%s%s: no picture size stated; its camera matrix is taken to be for %g x %g pixels",
+                 *said ? "; " : "", spec, w, h);
+    return 0;
+}
+
+/* The picture's farthest corner from the centre, in focal lengths. */
+static double farthest(const lens *l, const lens_use *u)
+{
+    const double(*s)[2] = l->shape, det = s[0][0] * s[1][1] - s[0][1] * s[1][0];
+    const double *c = u->centre ? u->centre : l->centre_px;
+    double far = 0;
+    for (int k = 0; k < 4; k++) {
+        double dx = (k & 1 ? u->width : 0) - c[0], dy = c[1] - (k & 2 ? u->height : 0);
+        far = fmax(far, hypot(s[1][1] * dx - s[0][1] * dy, s[0][0] * dy - s[1][0] * dx) / det);
+    }
+    return far / l->focal_px;
+}
+
+/* Half the field of view of a lens whose place in the picture is known: what is asked for, or all of the
+ * picture, as far as the model goes. */
+static int choose_half(double *half, const lens *l, char said[512], const char *spec, const lens_use *u,
+                       double fov_deg, errmsg *e)
+{
+    lens all = *l;
+    const double end = lens_end(l), corner = farthest(l, u);
+    if (l->kind == LENS_POLYNOMIAL && !(end > 1e-3))
+        return err_set(e, "%s: expected a radius that grows with the angle, found none", spec);
+    *half = fov_deg / 2 * DEG;
+    if (fov_deg > 0 && *half <= end) return 0;
+    double last = end < 179 * DEG && l->kind == LENS_POLYNOMIAL
+                      ? end * (1 - 1e-3)
+                      : end; /* at its end a pixel would hold any solid angle */
+    if (lens_finish(&all, last, e)) return -1;
+    const double reach = 1 / all.scale;
+    if (reach >= corner) {
+        double seen = lens_angle(&all, corner / reach);
+        *half = fov_deg > 0 ? fmin(*half, seen) : seen;
+        return 0;
+    }
+    if (fov_deg > 0 && l->kind != LENS_TABLE) return 0; /* lens_finish() has the words */
+    if (fov_deg > 0)
+        return err_set(e,
+                       "%s: expected a model that reaches %g degrees, half the field of view, found that it "
+                       "ends at %.4g, within the picture",
+                       spec, fov_deg / 2, end / DEG);
+    *half = last;
+    snprintf(said + strlen(said), 512 - strlen(said),
+             "%s%s: the model ends at %.4g degrees, within the picture: what lies beyond is not used",
+             *said ? "; " : "", spec, end / DEG);
+    return 0;
+}
+
+/* Tangential terms, which are left out, move a point by up to about 3 |p| u^2 f, u the tangent.  A twentieth
+ * of a degree is said, more refused. */
+static int check_tangential(const lens *l, char said[512], const char *spec, errmsg *e)
+{
+    const double u = tan(fmin(l->half, 89.9 * DEG)), most = 3 * l->tangential * u * u;
+    if (most * l->focal_px < 0.01) return 0;
+    if (most > 0.05 * DEG)
+        return err_set(e,
+                       "%s: expected a radial model, found tangential terms that move points by up to %.2g "
+                       "pixels; calibrate without "
+                       "them (CALIB_ZERO_TANGENT_DIST)",
+                       spec, most * l->focal_px);
+    snprintf(said + strlen(said), 512 - strlen(said),
+             "%s%s: tangential terms, up to %.2g pixels, are left out", *said ? "; " : "", spec,
+             most * l->focal_px);
+    return 0;
+}
+
+static int read_file(lens *l, double *fov_deg, char said[512], const char *spec, errmsg *e)
+{
+    char *text, *path = strdup(spec), *at = path ? strrchr(path, '@') : NULL;
+    errmsg why;
+    if (!path) return err_set(e, "out of memory");
+    int rc = text_read(&text, path, &why);
+    if (!rc)
+        at = NULL; /* part of the name */
+    else if (at) {
+        *at++ = 0;
+        rc = text_read(&text, path, &why);
+    }
+    if (rc) {
+        free(path);
+        return err_set(
+            e, "lens: expected equidistant, equisolid, stereographic, orthographic or a file, found %s",
+            why.text);
+    }
+    if (calibration_is_ocam(text))
+        rc = calibration_ocam(l, text, path, e);
+    else if (calibration_is_tree(text))
+        rc = calibration_tree(l, said, text, path, at, e);
+    else
+        rc = parse(l, fov_deg, text, path, e);
+    free(text);
+    free(path);
+    return rc;
+}
+
+int lens_read_for(lens *l, char said[512], const char *spec, const lens_use *use, errmsg *e)
 {
     lens t;
+    double fov_deg = use->fov_deg, half = 0;
     memset(&t, 0, sizeof t);
+    said[0] = 0;
     int k = lens_kind_by_name(spec);
-    if (k >= 0) {
+    if (k >= 0)
         t.kind = (lens_kind)k;
-    } else {
-        char *text;
-        errmsg why;
-        if (text_read(&text, spec, &why))
-            return err_set(e, "lens: expected equidistant, equisolid, stereographic, orthographic or a file, found %s", why.text);
-        int rc = parse(&t, &fov_deg, text, spec, e);
-        free(text);
-        if (rc) return -1;
+    else if (read_file(&t, &fov_deg, said, spec, e))
+        return -1;
+    if (t.focal_px > 0 && use->width > 0) {
+        if (fit_to_picture(&t, said, spec, use, e)) return -1;
     }
-    if (fov_deg == 0) return err_set(e, "lens %s: expected a field of view (--fov), found none", spec);
-    if (lens_finish(&t, fov_deg / 2 * DEG, e)) return -1;
+    if (t.focal_px > 0 && use->width > 0 && !use->placed) {
+        if (choose_half(&half, &t, said, spec, use, fov_deg, e)) return -1;
+    } else {
+        if (fov_deg == 0) return err_set(e, "lens %s: expected a field of view (--fov), found none", spec);
+        half = fov_deg / 2 * DEG;
+    }
+    if (lens_finish(&t, half, e)) return -1;
+    if (t.focal_px > 0 && t.tangential > 0 && check_tangential(&t, said, spec, e)) return -1;
     *l = t;
     return 0;
+}
+
+int lens_read(lens *l, const char *spec, double fov_deg, errmsg *e)
+{
+    char said[512];
+    const lens_use use = {.fov_deg = fov_deg};
+    return lens_read_for(l, said, spec, &use, e);
 }

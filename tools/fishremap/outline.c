@@ -12,6 +12,11 @@
 #include <string.h>
 
 #define FLATNESS 0.02 /* source pixels */
+/* In a grid's rows next to a pole, where a straight edge of the sphere is bent most and all pixels of a row lie within one texel: a chord's
+ * sagitta there is light of a whole row. */
+#define POLAR 8 /* rows */
+#define FLAT_POLAR 0.002
+#define SHORT_POLAR 0.25
 #define MAX_DEPTH 10
 #define WIDEST (5 * M_PI / 180) /* of longitude that one chord spans, however small the texel: .13 % of the area about a pole */
 
@@ -101,15 +106,17 @@ outliner *outliner_new(const chart *dst, const chart *src)
     }
     if (o->concentric) {
         double step = dst->lon_span / dst->width;
-        o->fine = chords(src->radius, step);
+        o->fine = chords(src->radius * fmax(hypot(src->shape[0][0], src->shape[1][0]), hypot(src->shape[0][1], src->shape[1][1])), step);
         size_t n = (size_t)dst->width * (size_t)o->fine + 1;
         o->circle = malloc(2 * n * sizeof(double));
         if (!o->circle) goto fail;
         for (size_t k = 0; k < n; k++) {
             double lon = dst->lon0 + step * (double)k / o->fine, d[3];
             for (int i = 0; i < 3; i++) d[i] = cos(lon) * dst->frame[0][i] + sin(lon) * dst->frame[1][i];
-            o->circle[2 * k] = d[0] * src->frame[0][0] + d[1] * src->frame[0][1] + d[2] * src->frame[0][2];
-            o->circle[2 * k + 1] = -(d[0] * src->frame[1][0] + d[1] * src->frame[1][1] + d[2] * src->frame[1][2]);
+            double px = d[0] * src->frame[0][0] + d[1] * src->frame[0][1] + d[2] * src->frame[0][2];
+            double py = d[0] * src->frame[1][0] + d[1] * src->frame[1][1] + d[2] * src->frame[1][2];
+            o->circle[2 * k] = src->shape[0][0] * px + src->shape[0][1] * py;
+            o->circle[2 * k + 1] = -(src->shape[1][0] * px + src->shape[1][1] * py);
         }
     }
     return o;
@@ -151,11 +158,13 @@ static int refine(outliner *o, line *l, const double a[2], const double pa[2], c
 {
     double dx = near(o, pb[0] - pa[0]), dy = pb[1] - pa[1];
     int wide = fabs(b[0] - a[0]) > o->widest;
-    if ((dx * dx + dy * dy < 1 && !wide) || depth == 0) return 0;
+    const int polar = o->period > 0 && (fmin(pa[1], pb[1]) < POLAR || fmax(pa[1], pb[1]) > o->src->height - POLAR);
+    const double flat = polar ? FLAT_POLAR : FLATNESS;
+    if ((dx * dx + dy * dy < (polar ? SHORT_POLAR * SHORT_POLAR : 1) && !wide) || depth == 0) return 0;
     double m[2] = {0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])}, pm[2];
     o->met |= at(pm, o, m[0], m[1]);
     double ex = near(o, pm[0] - pa[0]) - 0.5 * dx, ey = pm[1] - pa[1] - 0.5 * dy;
-    if (ex * ex + ey * ey < FLATNESS * FLATNESS && !wide) return 0;
+    if (ex * ex + ey * ey < flat * flat && !wide) return 0;
     return refine(o, l, a, pa, m, pm, depth - 1) || push(l, pm) || refine(o, l, m, pm, b, pb, depth - 1);
 }
 

@@ -2,6 +2,7 @@
  * picture.c - the job of remapping one picture: load, correct the falloff, remap, write.
  */
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,11 +19,31 @@
 
 #define DEG (M_PI / 180)
 
-double cpu_seconds(void)
+static double clock_seconds(clockid_t which)
 {
     struct timespec t;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    clock_gettime(which, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+double cpu_seconds(void)
+{
+    return clock_seconds(CLOCK_PROCESS_CPUTIME_ID);
+}
+
+double cpu_thread_seconds(void)
+{
+    return clock_seconds(CLOCK_THREAD_CPUTIME_ID);
+}
+
+void remark(outcome *o, const char *fmt, ...)
+{
+    va_list ap;
+    size_t n = strlen(o->remark);
+    if (n && n + 2 < sizeof o->remark) n += (size_t)snprintf(o->remark + n, sizeof o->remark - n, "; ");
+    va_start(ap, fmt);
+    vsnprintf(o->remark + n, sizeof o->remark - n, fmt, ap);
+    va_end(ap);
 }
 
 /* Mask: white (over half of its scale) keeps, black discards. */
@@ -100,9 +121,10 @@ static int place_disc(double *cx, double *cy, double *r, const settings *s, cons
     return 0;
 }
 
-static int make_disc(chart *c, const settings *s, view_kind kind, const img *im, int w, int h, int mirror, errmsg *e)
+static int make_disc(chart *c, outcome *o, const settings *s, view_kind kind, const img *im, int w, int h, errmsg *e)
 {
     lens l;
+    char said[512] = "";
     double cx = w / 2., cy = h / 2., r = (w < h ? w : h) / 2.;
     if (kind == VIEW_BALL) {
         double d = s->camera_distance > 0 ? 2 * s->camera_distance / s->diameter : 0;
@@ -111,25 +133,41 @@ static int make_disc(chart *c, const settings *s, view_kind kind, const img *im,
         memset(&l, 0, sizeof l);
         l.kind = LENS_EQUIDISTANT;
         if (lens_finish(&l, M_PI, e)) return -1;
-    } else if (lens_read(&l, s->lens, s->fov_deg, e)) {
-        return -1;
+    } else {
+        const lens_use use = {.fov_deg = s->fov_deg, .width = w, .height = h, .placed = im && s->radius > 0, .centre = im && s->have_centre ? s->centre : NULL};
+        if (lens_read_for(&l, said, s->lens, &use, e)) return -1;
+        if (!im && l.focal_px > 0) cx = l.centre_px[0], cy = l.centre_px[1], r = l.focal_px / l.scale; /* the camera's picture, as it takes it */
+        if (said[0] && !strstr(o->remark, said)) remark(o, "%s", said);
     }
     if (im && place_disc(&cx, &cy, &r, s, &l, im, e)) return -1;
-    chart_disc(c, w, h, &l, cx, cy, r, mirror, s->rotate_deg * DEG, s->tilt_deg * DEG, s->tilt_to_deg * DEG);
+    chart_disc(c, w, h, &l, cx, cy, r, kind == VIEW_BALL, 0, 0, 0);
     return 0;
 }
 
-/* The chart of the input im, or of the output (im NULL).  The camera's turn and tilt belong to
- * whichever side is a camera's picture. */
-static int make_chart(chart *c, const settings *s, view_kind kind, const img *im, int mirror, errmsg *e)
+void turn_chart(chart *c, const settings *s, int mirror)
 {
-    int w = im ? im->info.width : s->out_w, h = im ? im->info.height : s->out_h;
-    double polar = (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG;
+    chart_turn(c, mirror, s->rotate_deg * DEG, s->tilt_deg * DEG, s->tilt_to_deg * DEG);
+    if (!isnan(s->heading_deg)) chart_face(c, s->heading_deg * DEG);
+}
+
+static int is_disc(view_kind kind)
+{
+    return kind == VIEW_FISHEYE || kind == VIEW_BALL || kind == VIEW_ANGULAR;
+}
+
+/* The chart of the input im, or of the output (im NULL).  The camera's turn is IN's, but where a camera's view is made of
+ * a probe or a panorama it is that camera's: so the same options lead there and back. */
+static int make_chart(chart *c, outcome *o, const settings *s, view_kind kind, const img *im, errmsg *e)
+{
+    int w = im ? im->info.width : s->out_w, h = im ? im->info.height : s->out_h, out_turns = is_disc(s->to) && !is_disc(s->from);
     switch (kind) {
-    case VIEW_PROBE: chart_probe(c, w, h, polar); return 0;
-    case VIEW_LATLONG: chart_latlong(c, w, h, s->span_deg * DEG, mirror); return 0;
-    default: return make_disc(c, s, kind, im, w, h, mirror, e);
+    case VIEW_PROBE: chart_probe(c, w, h, (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG); break;
+    case VIEW_LATLONG: chart_latlong(c, w, h, s->span_deg * DEG); break;
+    default:
+        if (make_disc(c, o, s, kind, im, w, h, e)) return -1;
     }
+    if ((im == NULL) == (out_turns != 0)) turn_chart(c, s, kind == VIEW_BALL);
+    return 0;
 }
 
 void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode)
@@ -151,7 +189,7 @@ void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode)
     }
 }
 
-int result_write(const settings *s, const float *rgb, const float *alpha, int partial, errmsg *e)
+int result_write(const settings *s, const float *rgb, const float *alpha, int partial, const char *view, errmsg *e)
 {
     img im;
     int ch = partial && s->outside == OUTSIDE_ALPHA ? 4 : 3;
@@ -163,19 +201,13 @@ int result_write(const settings *s, const float *rgb, const float *alpha, int pa
     }
     static const char *const names[] = {[VIEW_FISHEYE] = "fisheye", [VIEW_BALL] = "ball", [VIEW_PROBE] = "probe",
                                         [VIEW_LATLONG] = "latlong", [VIEW_ANGULAR] = "angular"};
-    const img_attr attrs[2] = {{.name = "ilf:chart", .kind = IMG_ATTR_STRING, .s = names[s->to]},
-                               {.name = "ilf:polarMax", .kind = IMG_ATTR_FLOAT, .v = {(s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG}}};
-    img_write_opts opts = {.type = IMG_FLOAT, .compression = s->compression, .comment = s->command};
-    opts.attrs = attrs, opts.nattrs = s->to == VIEW_PROBE ? 2 : 1;
+    img_attr attrs[3] = {{.name = "ilf:chart", .kind = IMG_ATTR_STRING, .s = names[s->to]}};
+    img_write_opts opts = {.type = IMG_FLOAT, .compression = s->compression, .comment = s->command, .attrs = attrs, .nattrs = 1};
+    if (s->to == VIEW_PROBE)
+        attrs[opts.nattrs++] = (img_attr){.name = "ilf:polarMax", .kind = IMG_ATTR_FLOAT,
+                                          .v = {(s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG}};
+    if (view) attrs[opts.nattrs++] = (img_attr){.name = "VIEW", .kind = IMG_ATTR_STRING, .s = view};
     if (s->half_float == 1) opts.type = IMG_HALF;
-    if (s->half_float < 0) {
-        opts.type = IMG_HALF;
-        for (size_t i = 0; i < 3 * n; i++)
-            if (rgb[i] > 65504 || (rgb[i] != 0 && rgb[i] < 6.2e-5f)) {
-                opts.type = IMG_FLOAT;
-                break;
-            }
-    }
     int rc = img_write(&im, s->out, &opts, e);
     img_free(&im);
     return rc;
@@ -224,8 +256,7 @@ static int remap_areas(float *rgb, float *alpha, const chart *dst, void *arg, er
     return rc;
 }
 
-/* Remap a loaded picture. */
-static int remap_picture(float *rgb, float *alpha, outcome *o, session *w, const settings *s, img *im, int all_good, const chart *src,
+int remap_picture(float *rgb, float *alpha, outcome *o, session *w, const settings *s, img *im, int all_good, const chart *src,
                          const chart *dst, errmsg *e)
 {
     remap_source ready;
@@ -238,48 +269,6 @@ static int remap_picture(float *rgb, float *alpha, outcome *o, session *w, const
     int rc = filter_texels(rgb, alpha, dst, s->filter_sd, remap_areas, &j, e);
     o->cpu_remap_s += cpu_seconds() - t1 - (o->cpu_plan_s - plan);
     source_free(&ready);
-    return rc;
-}
-
-/* Add a second view of the same ball: each direction is taken from the views by how well they show
- * it, best near the middle of their pictures and not at all towards the rim's last degrees. */
-static int add_second(float *rgb, float *alpha, outcome *o, const settings *s, const chart *first, const chart *dst, errmsg *e)
-{
-    settings t = *s;
-    img im;
-    chart src;
-    const double *view = s->second_view;
-    size_t n = (size_t)s->out_w * (size_t)s->out_h;
-    float *rgb2 = malloc(n * 3 * sizeof(float)), *alpha2 = malloc(n * sizeof(float));
-    int rc = -1;
-    t.in = s->second, t.mask = NULL;
-    if (!rgb2 || !alpha2) {
-        err_set(e, "out of memory");
-        goto done;
-    }
-    int all_good;
-    if (input_load(&im, &all_good, &t, e)) goto done;
-    chart_disc(&src, im.info.width, im.info.height, &first->lens, view[0], view[1], view[2], 1, s->rotate_deg * DEG, view[3] * DEG, view[4] * DEG);
-    hide_camera(im.pix, &all_good, &src, s->hide_camera_deg * DEG);
-    rc = remap_picture(rgb2, alpha2, o, NULL, s, &im, all_good, &src, dst, e);
-    img_free(&im);
-    for (size_t i = 0; !rc && i < n; i++) {
-        double d[3], weight[2];
-        const chart *c[2] = {first, &src};
-        chart_unproject(d, dst, (double)(i % (size_t)s->out_w) + 0.5, (double)(i / (size_t)s->out_w) + 0.5);
-        for (int k = 0; k < 2; k++) {
-            double cosine = c[k]->frame[2][0] * d[0] + c[k]->frame[2][1] * d[1] + c[k]->frame[2][2] * d[2];
-            double well = fmax(1 - acos(fmin(fmax(cosine, -1), 1)) / (170 * DEG), 1e-3);
-            weight[k] = (double)(k ? alpha2 : alpha)[i] * pow(well, 4);
-        }
-        double sum = weight[0] + weight[1];
-        for (size_t k = 0; sum > 0 && k < 3; k++)
-            rgb[3 * i + k] = (float)((weight[0] * (double)rgb[3 * i + k] + weight[1] * (double)rgb2[3 * i + k]) / sum);
-        alpha[i] = fmaxf(alpha[i], alpha2[i]);
-    }
-done:
-    free(rgb2);
-    free(alpha2);
     return rc;
 }
 
@@ -298,15 +287,22 @@ static double coverage(int *partial, const float *alpha, const chart *dst)
     return all > 0 ? seen / all : 0;
 }
 
+static int is_hdr(const char *name)
+{
+    const char *dot = strrchr(name, '.');
+    return strcmp(name, "-") == 0 || (dot && strcmp(dot, ".hdr") == 0);
+}
+
 int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
 {
     img im;
     chart src, dst;
-    int rc = -1, partial, all_good, mirror = s->from == VIEW_BALL || s->to == VIEW_BALL;
+    int rc = -1, partial, all_good;
+    char view[256];
     float *rgb = NULL, *alpha = NULL;
     if (input_load(&im, &all_good, s, e)) return -1;
-    if (make_chart(&src, s, s->from, &im, mirror, e)) goto done;
-    if (make_chart(&dst, s, s->to, NULL, mirror, e)) goto done;
+    if (make_chart(&src, o, s, s->from, &im, e)) goto done;
+    if (make_chart(&dst, o, s, s->to, NULL, e)) goto done;
     if (s->overlay) {
         sphere_seen rim = {src.cx, src.cy, src.radius};
         if (overlay_write(s->overlay, &im, &rim, src.kind == CHART_DISC, e)) goto done;
@@ -317,7 +313,7 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
         int failed = !f || falloff_read(f, s->falloff, src.lens.half, s->falloff_set, fn, e);
         if (!failed) falloff_apply(im.pix, 4, &src, f);
         if (!failed && f->chosen[0])
-            snprintf(o->remark, sizeof o->remark, "%s: took the set %s; choose with --aperture or --falloff-set", s->falloff, f->chosen);
+            remark(o, "%s: took the set %s; choose with --aperture or --falloff-set", s->falloff, f->chosen);
         free(f);
         if (failed) goto done;
     }
@@ -330,7 +326,7 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
     }
     o->cx = src.cx, o->cy = src.cy, o->radius = src.radius;
     if (remap_picture(rgb, alpha, o, w, s, &im, all_good, &src, &dst, e)) goto done;
-    if (s->second && add_second(rgb, alpha, o, s, &src, &dst, e)) goto done;
+    if (s->second && second_add(rgb, alpha, o, s, &src, &dst, e)) goto done;
     for (size_t i = 0; s->from == VIEW_BALL && i < 3 * n; i++) rgb[i] = (float)(rgb[i] / s->reflectance[i % 3]);
     o->covered = coverage(&partial, alpha, &dst);
     if (o->covered == 0) {
@@ -338,7 +334,11 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
         goto done;
     }
     outside_fill(rgb, alpha, s->out_w, s->out_h, s->outside);
-    rc = result_write(s, rgb, alpha, partial, e);
+    const int hdr = is_hdr(s->out), named = hdr && radiance_view(view, sizeof view, &dst, s->to) == 0;
+    if (hdr && is_disc(s->to) && !named) remark(o, "%s: Radiance has no name for this view, so there is no VIEW line", s->out);
+    if (hdr && o->covered < 0.9995 && s->outside != OUTSIDE_HOLD)
+        remark(o, "%s: %.1f %% of what it shows is not in IN, and black: no alpha channel in .hdr", s->out, 100 * (1 - o->covered));
+    rc = result_write(s, rgb, alpha, partial, named ? view : NULL, e);
 done:
     free(rgb);
     free(alpha);

@@ -15,6 +15,9 @@ int report_write(const char *path, const outcome *o, errmsg *e)
     fprintf(f, "{\n \"bad_pixels\": %lld,\n \"covered\": %.9g,\n", (long long)o->bad_pixels, o->covered);
     fprintf(f, " \"cpu_s\": {\"plan\": %.6f, \"prepare\": %.6f, \"remap\": %.6f}", o->cpu_plan_s, o->cpu_prepare_s, o->cpu_remap_s);
     if (o->radius > 0) fprintf(f, ",\n \"centre\": [%.4f, %.4f],\n \"radius\": %.4f", o->cx, o->cy, o->radius);
+    if (o->second_gain > 0)
+        fprintf(f, ",\n \"second_gain\": %.6g,\n \"second_residual\": %.6g,\n \"second_overlap_sr\": %.4g", o->second_gain, o->second_residual,
+                o->second_overlap);
     if (o->spheres_from) fprintf(f, ",\n \"spheres_from\": \"%s\"", o->spheres_from);
     if (o->rims_seen) fprintf(f, ",\n \"rims_seen\": %d,\n \"rims_rms_px\": %.3f", o->rims_seen, o->rims_rms);
     if (o->nspheres) {

@@ -9,8 +9,9 @@
 #include "ilf.h"
 #include "sphere.h"
 
-typedef enum outside_mode { OUTSIDE_ALPHA, OUTSIDE_BLACK, OUTSIDE_HOLD } outside_mode;
-typedef enum view_kind { VIEW_FISHEYE, VIEW_BALL, VIEW_PROBE, VIEW_LATLONG, VIEW_ANGULAR } view_kind;
+/* NONE: not given, until usage_check() (options.h) put the default in its place; numbers that were not given are 0 or NaN until then. */
+typedef enum outside_mode { OUTSIDE_NONE = -1, OUTSIDE_ALPHA, OUTSIDE_BLACK, OUTSIDE_HOLD } outside_mode;
+typedef enum view_kind { VIEW_NONE = -1, VIEW_FISHEYE, VIEW_BALL, VIEW_PROBE, VIEW_LATLONG, VIEW_ANGULAR } view_kind;
 
 typedef struct settings {
     const char *in, *out, *overlay, *report, *mask;
@@ -27,6 +28,7 @@ typedef struct settings {
     double polar_max_deg; /* 0: 90 */
     double span_deg;     /* latlong's width */
     double rotate_deg, tilt_deg, tilt_to_deg;
+    double heading_deg;  /* NaN: the camera looks along n */
     outside_mode outside;
     double filter_sd;    /* of the texels' Gaussian, in texels; 0: means over their area */
     int half_float;      /* 1 half, 0 float, -1 as it fits */
@@ -38,7 +40,11 @@ typedef struct settings {
     double reflectance[3];
     double hide_camera_deg;          /* half angle about the sphere-to-camera line that is not used */
     const char *second;              /* another picture of the same ball, or NULL */
-    double second_view[5];           /* its X, Y, R, and its camera's tilt and tilt-to, degrees */
+    double second_view[6];           /* its X, Y, R, and its camera's tilt, tilt-to and rotate, degrees */
+    int second_rotates;              /* 0: as IN */
+    const char *second_mask;
+    int have_second_gain;
+    double second_gain;              /* 0: matched over what both show */
     int have_plane;
     double plane[9];
     const char *compression;
@@ -58,7 +64,8 @@ typedef struct outcome {
     const char *spheres_from; /* "rims": fitted to all of them; "corners": as those say; pitch and tilt follow.  NULL for no array */
     int rims_seen;          /* rims within a pixel of the grid */
     double rims_rms;        /* of the spheres' own rims about it, pixels */
-    char remark[512];        /* worth telling, or "" */
+    double second_gain, second_residual, second_overlap; /* a second view's factor; relative deviation from IN, robust; steradians */
+    char remark[1024];       /* worth telling, or "" */
 } outcome;
 
 /* Load the input as linear radiance with mask and alpha folded in: 4 channels.  all_good: every pixel is finite
@@ -89,11 +96,28 @@ void hide_camera(float *pix, int *all_good, const chart *c, double angle);
  * column, upwards first. */
 void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode);
 
-/* Write the picture; partial: some alpha is below 1. */
-int result_write(const settings *s, const float *rgb, const float *alpha, int partial, errmsg *e);
+/* Write the picture; partial: some alpha is below 1.  view: Radiance's VIEW for a .hdr, or NULL. */
+int result_write(const settings *s, const float *rgb, const float *alpha, int partial, const char *view, errmsg *e);
 
-/* CPU time of this thread. */
+/* Radiance's name for the view that chart c of kind is, after "VIEW=": 0, or -1 where Radiance has none (text is ""). */
+int radiance_view(char *text, size_t room, const chart *c, view_kind kind);
+
+/* Add to the remarks. */
+void remark(outcome *o, const char *fmt, ...) __attribute__((format(printf, 2, 3)));
+
+/* Take c's camera as the settings turn it (chart.h). */
+void turn_chart(chart *c, const settings *s, int mirror);
+
+/* A picture that input_load() gave, by its chart, into the chart dst. */
+int remap_picture(float *rgb, float *alpha, outcome *o, session *w, const settings *s, img *im, int all_good, const chart *src,
+                  const chart *dst, errmsg *e);
+
+/* Add the second view of the ball to rgb and alpha, which the first gave. */
+int second_add(float *rgb, float *alpha, outcome *o, const settings *s, const chart *first, const chart *dst, errmsg *e);
+
+/* CPU time of all threads, and of this one. */
 double cpu_seconds(void);
+double cpu_thread_seconds(void);
 
 /* The outcome as JSON. */
 int report_write(const char *path, const outcome *o, errmsg *e);

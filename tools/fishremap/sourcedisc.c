@@ -94,15 +94,32 @@ static int measure(source_disc *s, const float *pix, const chart *c, const unsig
     float *v = malloc(n * 3 * sizeof *v);
     if (!v) return err_set(e, "out of memory");
     memset(s, 0, sizeof *s);
+    double sum = 0, square = 0;
     for (size_t i = 0; i < n; i++) {
         if (!mark[i]) continue;
+        double qx, qy;
+        chart_disc_place(&qx, &qy, c, (double)(i % (size_t)c->width) + 0.5, (double)(i / (size_t)c->width) + 0.5);
+        double t = lens_angle(&c->lens, hypot(qx, qy));
+        sum += t, square += t * t;
         s->x += (double)(i % (size_t)c->width) + 0.5, s->y += (double)(i / (size_t)c->width) + 0.5;
         for (int ch = 0; ch < 3; ch++) v[(size_t)ch * n + k] = pix[4 * i + (size_t)ch];
         k++;
     }
     s->pixels = (int)k;
     s->x /= (double)k, s->y /= (double)k;
-    s->theta = lens_angle(&c->lens, hypot(s->x - c->cx, s->y - c->cy) / c->radius);
+    double px, py;
+    chart_disc_place(&px, &py, c, s->x, s->y);
+    s->theta = lens_angle(&c->lens, hypot(px, py));
+    s->mean_theta = sum / (double)k;
+    s->spread = sqrt(fmax(square / (double)k - s->mean_theta * s->mean_theta, 0));
+    for (int ch = 0; ch < 3; ch++) {
+        const float *q = v + (size_t)ch * n;
+        float top = q[0];
+        size_t same = 0;
+        for (size_t i = 0; i < k; i++) top = fmaxf(top, q[i]);
+        for (size_t i = 0; i < k; i++) same += q[i] == top;
+        s->top[ch] = top, s->at_top[ch] = (double)same / (double)k;
+    }
     for (int ch = 0; ch < 3; ch++) s->value[ch] = robust_mean(&s->sd[ch], v + (size_t)ch * n, k);
     free(v);
     return 0;
@@ -120,12 +137,14 @@ int source_find(source_disc *s, const float *pix, const chart *c, double theta, 
         goto done;
     }
     for (size_t i = 0; i < n; i++) b[i] = brightness(pix + 4 * i);
-    double r0 = c->radius * lens_radius(NULL, &c->lens, theta - 12 * DEG);
-    double r1 = c->radius * lens_radius(NULL, &c->lens, theta + 12 * DEG);
+    double r0 = lens_radius(NULL, &c->lens, theta - 12 * DEG) - 1 / c->radius;
+    double r1 = lens_radius(NULL, &c->lens, theta + 12 * DEG) + 1 / c->radius;
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++) {
-            double r = hypot(x + 0.5 - c->cx, y + 0.5 - c->cy);
-            if (r < r0 - 1 || r > r1 + 1) continue;
+            double px, py;
+            chart_disc_place(&px, &py, c, x + 0.5, y + 0.5);
+            double r = hypot(px, py);
+            if (r < r0 || r > r1) continue;
             float v = smoothed(b, w, h, x, y);
             if (v > peak) peak = v, seed = (size_t)y * (size_t)w + (size_t)x;
         }
@@ -159,6 +178,32 @@ done:
     return rc;
 }
 
+int flat_clipped(double top[3], const float *pix, const chart *c, double white, errmsg *e)
+{
+    size_t total = (size_t)c->width * (size_t)c->height, n = 0;
+    float *v = malloc(total * sizeof *v);
+    if (!v) return err_set(e, "out of memory");
+    for (int ch = 0; ch < 3; ch++) {
+        n = 0;
+        for (size_t i = 0; i < total; i++) {
+            double x, y;
+            chart_disc_place(&x, &y, c, (double)(i % (size_t)c->width) + 0.5, (double)(i / (size_t)c->width) + 0.5);
+            if (hypot(x, y) < 1 && brightness(pix + 4 * i) > 0) v[n++] = pix[4 * i + (size_t)ch];
+        }
+        qsort(v, n, sizeof *v, by_value);
+        size_t same = 0, near = 0, values = 0;
+        for (size_t i = n; i-- > 0 && v[i] == v[n - 1];) same++;
+        for (size_t i = n - same; i-- > 0 && (double)v[i] > 0.96 * (double)v[n - 1]; near++) values += i + 1 == n - same || v[i] != v[i + 1];
+        /* the top of a smooth field is a hump: its last value is taken by few times as many pixels as those just below; of noise by fewer */
+        int full = white > 0 && n && (double)v[n - 1] >= white * (1 - 1e-6) && (double)same > 0.002 * (double)n;
+        int piled = (double)same > 0.02 * (double)n && (double)same > 6 * (double)near / (double)(values ? values : 1) &&
+                    (white > 0 ? (double)v[n - 1] > 0.75 * white : values > 0);
+        top[ch] = full || piled ? (double)v[n - 1] : 0;
+    }
+    free(v);
+    return 0;
+}
+
 int flat_rings(falloff_reading *r, int *n, int max, const float *pix, const chart *c, errmsg *e)
 {
     int rings = max, found = 0;
@@ -176,10 +221,11 @@ int flat_rings(falloff_reading *r, int *n, int max, const float *pix, const char
         return err_set(e, "out of memory");
     }
     for (size_t i = 0; i < total; i++) {
-        double x = (double)(i % (size_t)c->width) + 0.5 - c->cx, y = (double)(i / (size_t)c->width) + 0.5 - c->cy;
+        double x, y;
+        chart_disc_place(&x, &y, c, (double)(i % (size_t)c->width) + 0.5, (double)(i / (size_t)c->width) + 0.5);
         double q = hypot(x, y); /* pixels wholly inside */
-        int in = q + M_SQRT1_2 < c->radius && brightness(pix + 4 * i) > 0;
-        ring[i] = in ? (int)(lens_angle(&c->lens, q / c->radius) / c->lens.half * rings) : -1;
+        int in = q + M_SQRT1_2 / c->radius < 1 && brightness(pix + 4 * i) > 0;
+        ring[i] = in ? (int)(lens_angle(&c->lens, q) / c->lens.half * rings) : -1;
         if (ring[i] >= rings) ring[i] = -1;
         if (ring[i] >= 0) count[ring[i] + 1]++;
     }
@@ -198,6 +244,7 @@ int flat_rings(falloff_reading *r, int *n, int max, const float *pix, const char
             falloff_reading *q = r + found++;
             memset(q, 0, sizeof *q);
             q->theta = (k + 0.5) / rings * c->lens.half;
+            q->spread = c->lens.half / rings / sqrt(12);
             for (int ch = 0; ch < 3; ch++) q->y[ch] = robust_mean(&q->sd[ch], v + (size_t)ch * total + count[k], have);
         }
     }

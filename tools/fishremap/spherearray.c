@@ -78,16 +78,17 @@ static int one_sphere(float *rgb, float *alpha, tally *o, const settings *s, con
     if (frame) memcpy(src.frame, frame, sizeof src.frame);
     hide_camera(pix, &all_good, &src, s->hide_camera_deg * DEG);
     chart_probe(&dst, s->out_w, s->out_h, polar_max);
-    double t0 = cpu_seconds();
+    double (*now)(void) = s->nu > 1 ? cpu_thread_seconds : cpu_seconds; /* spheres side by side, or one by all threads */
+    double t0 = now();
     int rc = source_clean(&ready, pix, src.width, src.height, all_good, &src, e);
-    double t1 = cpu_seconds();
+    double t1 = now();
     if (rc) {
         free(pix);
         return -1;
     }
     sphere_source sphere = {&src, &ready};
     rc = filter_texels(rgb, alpha, &dst, s->filter_sd, sphere_areas, &sphere, e);
-    *o = (tally){ready.nbad, 0, t1 - t0, cpu_seconds() - t1};
+    *o = (tally){ready.nbad, 0, t1 - t0, now() - t1};
     source_free(&ready);
     free(pix);
     size_t n = (size_t)s->out_w * (size_t)s->out_h;
@@ -152,7 +153,7 @@ static int write_field(outcome *o, const settings *s, const img *im, const spher
         goto done;
     }
     if (!is_field(s->out)) { /* one sphere, as a plain probe */
-        rc = row_of_spheres(rgb, alpha, o, s, im, g, q, pose, 0, polar_max, e) || result_write(s, rgb, alpha, o->covered < 1, e) ? -1 : 0;
+        rc = row_of_spheres(rgb, alpha, o, s, im, g, q, pose, 0, polar_max, e) || result_write(s, rgb, alpha, o->covered < 1, NULL, e) ? -1 : 0;
         goto done;
     }
     ilf_spec spec = {.n_u = s->nu, .n_v = s->nv, .n_theta = s->out_w, .n_phi = s->out_h, .polar_max = polar_max,

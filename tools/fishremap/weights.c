@@ -28,9 +28,15 @@ int geometry_init(geometry *g, const chart *dst, const chart *src, const unsigne
     g->dst = dst, g->src = src, g->skip = skip;
     int w = src->width, h = src->height;
     if (src->kind == CHART_GRID) {
-        g->per_area = malloc(sizeof(float) * (size_t)h);
+        g->per_area = malloc(2 * sizeof(float) * (size_t)h);
         if (!g->per_area) return err_set(e, "out of memory");
-        for (int y = 0; y < h; y++) g->per_area[y] = (float)chart_pixel_solid_angle(src, 0, y);
+        g->per_area_grows = g->per_area + h;
+        double step = src->polar_max / h, wide = src->lon_span / w;
+        for (int y = 0; y < h; y++) {
+            g->per_area[y] = (float)chart_pixel_solid_angle(src, 0, y);
+            g->per_area_grows[y] = (float)(wide * step * step * cos(step * (y + 0.5)));
+        }
+        g->whole = !skip && src->lon_span > 2 * M_PI * (1 - 1e-12) && src->polar_max > M_PI * (1 - 1e-12);
         return 0;
     }
     float *table = malloc(sizeof(float) * (TABLE + 2));
@@ -41,14 +47,17 @@ int geometry_init(geometry *g, const chart *dst, const chart *src, const unsigne
         return err_set(e, "out of memory");
     }
     for (int k = 0; k <= TABLE + 1; k++)
-        table[k] = (float)(per_area_at(&src->lens, (double)k / TABLE, 0.5 / src->radius) / (src->radius * src->radius));
-    float scale = (float)(TABLE / src->radius), limit = (float)(src->radius + M_SQRT1_2) * scale;
+        table[k] = (float)(per_area_at(&src->lens, (double)k / TABLE, 0.5 / src->radius) / chart_disc_scale(src));
+    const float scale = (float)(TABLE / src->radius), a00 = (float)src->unshape[0][0] * scale, a01 = (float)src->unshape[0][1] * scale,
+                a10 = (float)src->unshape[1][0] * scale, a11 = (float)src->unshape[1][1] * scale;
+    const float limit = (float)TABLE + (float)M_SQRT1_2 * fmaxf(hypotf(a00, a10), hypotf(a01, a11));
 #pragma omp parallel for schedule(static)
     for (int y = 0; y < h; y++) {
         float *q = g->per_area + (size_t)y * (size_t)w;
-        float dy = (float)(y + 0.5 - src->cy), x0 = (float)(0.5 - src->cx);
+        float dy = (float)(src->cy - y - 0.5), x0 = (float)(0.5 - src->cx);
         for (int x = 0; x < w; x++) {
-            float dx = x0 + (float)x, r = sqrtf(dx * dx + dy * dy) * scale, k = fminf(r, TABLE);
+            float dx = x0 + (float)x, px = a00 * dx + a01 * dy, py = a10 * dx + a11 * dy;
+            float r = sqrtf(px * px + py * py), k = fminf(r, TABLE);
             int i = (int)k;
             q[x] = r > limit ? 0 : table[i] + (k - (float)i) * (table[i + 1] - table[i]);
         }
@@ -77,9 +86,11 @@ int bench_init(bench *b, const geometry *g)
         b->rim = malloc(sizeof(double) * 2 * (size_t)b->nrim);
         if (!b->rim) return -1;
         double step = outliner_sense(b->lines) * 2 * M_PI / b->nrim;
+        const double(*s)[2] = g->src->shape, r = g->src->radius;
         for (int k = 0; k < b->nrim; k++) {
-            b->rim[2 * k] = g->src->cx + g->src->radius * cos(k * step);
-            b->rim[2 * k + 1] = g->src->cy + g->src->radius * sin(k * step);
+            double px = cos(k * step), py = -sin(k * step);
+            b->rim[2 * k] = g->src->cx + r * (s[0][0] * px + s[0][1] * py);
+            b->rim[2 * k + 1] = g->src->cy - r * (s[1][0] * px + s[1][1] * py);
         }
     }
     return 0;
@@ -141,8 +152,10 @@ static int collect(double *total, row *r, bench *b, const geometry *g, int x0, i
             size_t at = (size_t)y * (size_t)s->width + (size_t)px;
             double j = g->per_area[s->kind == CHART_GRID ? (size_t)y : at];
             if (j <= 0 || (g->skip && g->skip[at])) continue;
-            if (row_push(r, (uint32_t)at, area * j, sense * c->mx * j, sense * c->my * j)) return -1;
-            *total += area * j;
+            double weight = area * j; /* the mean of the solid angle per area over this piece: towards a pole it falls to 0 within a pixel */
+            if (s->kind == CHART_GRID) weight = fmax(weight + sense * c->my * (double)g->per_area_grows[y], 0);
+            if (row_push(r, (uint32_t)at, weight, sense * c->mx * j, sense * c->my * j)) return -1;
+            *total += weight;
         }
     }
     return 0;
@@ -161,6 +174,16 @@ static int add_next_period(bench *b, const double *xy, int n, double period)
     return 0;
 }
 
+/* The pixel that a texel's centre lies in, as its only one. */
+static int texel_centre(row *r, const geometry *g, int x, int y)
+{
+    double d[3], p[2];
+    chart_unproject(d, g->dst, x + 0.5, y + 0.5);
+    chart_project(p, g->src, d);
+    int px = clamp_int(p[0], 0, g->src->width - 1), py = clamp_int(p[1], 0, g->src->height - 1);
+    return row_push(r, (uint32_t)((size_t)py * (size_t)g->src->width + (size_t)px), 1, 0, 0);
+}
+
 static int texel(row *r, bench *b, const geometry *g, int x, int y)
 {
     const chart *s = g->src;
@@ -174,7 +197,7 @@ static int texel(row *r, bench *b, const geometry *g, int x, int y)
     bounds(box, xy, n);
     /* inside out: the texel around the far pole */
     double a = sense * twice_area(xy, n) / 2;
-    int around = s->kind == CHART_DISC && b->rim && a < -0.25 * M_PI * s->radius * s->radius;
+    int around = s->kind == CHART_DISC && b->rim && a < -0.25 * M_PI * chart_disc_scale(s);
     /* what an outline that runs along the rim and back encloses is rounding; but a texel can itself be a speck of a pixel */
     double extent = box[2] - box[0] + box[3] - box[1], least = 1e-9;
     if (fabs(a) < 1 && fabs(a) > 1e-9 * extent * extent) least = 1e-9 * fabs(a);
@@ -198,13 +221,19 @@ static int texel(row *r, bench *b, const geometry *g, int x, int y)
         if (collect(&total, r, b, g, x0, y0, x1, y1, sense, least)) return -1;
     }
     double full = chart_pixel_solid_angle(g->dst, x, y), share = full > 0 ? total / full : 0;
+    /* an outline through a pole of the source may come out crossed where the texel is a speck there */
+    if (g->whole && full > 0 && full < 16 * (double)g->per_area[s->height / 2] && !(total > 0)) {
+        r->n = first;
+        if (texel_centre(r, g, x, y)) return -1;
+        total = 1;
+    }
     if (!(total > 0)) return 0;
     const double per = 1 / total;
     for (size_t i = first; i < r->n; i++) {
         entry *e = r->e + i;
         e->w = (float)(e->w * per), e->wx = (float)(e->wx * per), e->wy = (float)(e->wy * per);
     }
-    r->alpha[x] = (float)(share > 0.998 ? 1 : share);
+    r->alpha[x] = (float)(share > 0.998 || (g->whole && full > 0) ? 1 : share);
     return 0;
 }
 

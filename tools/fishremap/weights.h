@@ -25,6 +25,8 @@ typedef struct geometry {
     const chart *dst, *src;
     const unsigned char *skip;
     float *per_area; /* solid angle per pixel area; disc: per pixel, grid: per row */
+    float *per_area_grows; /* grid: its growth per pixel downwards, per row */
+    int whole;       /* the source shows every direction */
 } geometry;
 
 /* What one thread needs. */
