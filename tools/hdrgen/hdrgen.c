@@ -141,7 +141,7 @@ static const cli_opt options[] = {
      "add channel exposures: how many had a say (least of the colours; OpenEXR)"},
     {"flags", 0, CLI_FLAG, &set.out.want_flags, NULL, NULL,
      "add channel flags: 1 clipped everywhere, 2 black everywhere, 4 one or the other\n"
-     "everywhere, 8 samples left out by --deghost (OpenEXR)"},
+     "everywhere, 8 samples left out by --deghost, 16 missing everywhere (OpenEXR)"},
     {"calibrate", 0, CLI_CALL, &set.job, take_patch, "X,Y,W,H=L", "scale so that this rectangle has L cd/m2 on average"},
     {"dark", 0, CLI_STRING, &set.job.dark, NULL, "FILE", "dark frame: its exposure is subtracted from every image"},
     {"flat", 0, CLI_STRING, &set.job.flat, NULL, "FILE", "flat field: the radiance is divided by it (mean 1)"},
@@ -219,6 +219,7 @@ static void summary(const job *j)
     note_pixels(j->facts.clipped, j, "clipped in every exposure: lower bound");
     note_pixels(j->facts.black, j, "black in every exposure: upper bound");
     note_pixels(j->facts.gap, j, "clipped or black in every exposure: between two bounds");
+    note_pixels(j->facts.missing, j, "missing in every exposure: 0, and alpha 0 in OpenEXR");
     note_pixels(j->facts.ghosts, j, "with samples left out by --deghost");
 }
 

@@ -142,17 +142,22 @@ static int collect_samples(job *j, errmsg *e)
     const frames_facts *f = frames_get_facts(j->frames);
     sampler p;
     const uint16_t **codes = calloc((size_t)j->n, sizeof *codes);
-    if (!codes)
+    const uint8_t **missing = calloc((size_t)j->n, sizeof *missing);
+    if (!codes || !missing) {
+        free(codes);
+        free(missing);
         return err_set(e, "out of memory");
+    }
     if (sampler_init(&p, f->width, f->height, j->n, job_channels(j), f->max_code,
                      j->opts.has_bayer ? j->opts.bayer : NULL, j->dark != NULL, WANTED_SAMPLES, e)) {
         free(codes);
+        free(missing);
         return -1;
     }
     int rows, y = 0;
     for (;;) {
         double t0 = job_cpu_s();
-        rows = frames_next(j->frames, codes, e);
+        rows = frames_next(j->frames, codes, missing, e);
         double t1 = job_cpu_s();
         j->facts.read_s += t1 - t0;
         if (rows <= 0)
@@ -165,6 +170,7 @@ static int collect_samples(job *j, errmsg *e)
             j->progress("reading", y, f->height);
     }
     free(codes);
+    free(missing);
     if (rows < 0 || frames_rewind(j->frames, e)) {
         samples_free(&p.s);
         return -1;

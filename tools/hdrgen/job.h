@@ -48,7 +48,7 @@ typedef struct job_facts {
     int varies;            /* ISO or f-number differ */
     int assumed_time;      /* one image of unknown time: 1 s */
     int bits_used;         /* the codes seem to end at 2^this - 1, below the file's highest; 0: they don't */
-    long clipped, black, gap, ghosts, healed; /* pixels (any channel) */
+    long clipped, black, gap, ghosts, missing, healed; /* pixels (any channel) */
     double scale;          /* radiance was multiplied by this (--calibrate) */
     double read_s, recover_s, merge_s; /* CPU seconds */
 } job_facts;

@@ -21,20 +21,37 @@
 enum { MAX_STEPS = 6 };
 static const float negligible = 0.001f; /* share of the information that may be left out */
 
+static inline int is_missing(const merge_row *row, int i, int k)
+{
+    return row->missing && row->missing[k] && row->missing[k][(size_t)i * row->missing_stride];
+}
+
+static inline int is_rejected(const merge_row *row, int i, int k)
+{
+    return row->reject && k < 64 && (row->reject[i] >> k & 1u);
+}
+
 /* No sample had a say: the bounds that black and clipped samples set. */
 static void bound(const merge *m, const merge_channel *ch, const merge_row *row, int i,
                   float *x, float *sd, uint8_t *flag)
 {
     float lower = 0, upper = INFINITY;
     size_t at = (size_t)i * row->stride;
+    int there = 0;
     for (int s = 0; s < m->n; s++) {
         int z = row->codes[m->order[s]][at];
+        if (is_missing(row, i, m->order[s]))
+            continue;
+        there = 1;
         if (z == m->max_code)
             lower = fmaxf(lower, ch->clip * m->rt[s]);
         else
             upper = fminf(upper, fmaxf(ch->code[z].y, ch->black) * m->rt[s]);
     }
-    if (isinf(upper)) {
+    if (!there) {
+        *x = *sd = 0;
+        *flag |= MERGE_MISSING;
+    } else if (isinf(upper)) {
         *x = *sd = lower;
         *flag |= MERGE_CLIPPED;
     } else if (lower <= 0) {
@@ -49,7 +66,7 @@ static void bound(const merge *m, const merge_channel *ch, const merge_row *row,
 
 static inline int counts(const merge_row *row, int i, int k)
 {
-    return !row->reject || k > 63 || !(row->reject[i] >> k & 1u);
+    return !is_rejected(row, i, k) && !is_missing(row, i, k);
 }
 
 /* The longest exposure with a sample from 1 to top, at place `from` in m->order or later; or -1. */
@@ -101,7 +118,7 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
         else if (guess >= 0)
             x = (code[codes[guess][at]].y - dark) * m->rt[guess];
         for (int k = 0; with_reject && k < n; k++)
-            if (!counts(row, i, k))
+            if (is_rejected(row, i, k))
                 flag = MERGE_GHOST;
         if (!(x > 0)) {
             bound(m, ch, row, i, &x, &sd, &flag);
@@ -157,8 +174,8 @@ static void debevec_row(const merge *m, const merge_channel *ch, const merge_row
         for (int s = 0; s < m->n; s++) {
             int k = m->order[s];
             const codeval *v = &ch->code[row->codes[k][at]];
-            if (row->reject && !counts(row, i, k)) {
-                flag |= MERGE_GHOST;
+            if (!counts(row, i, k)) {
+                flag |= is_rejected(row, i, k) ? MERGE_GHOST : 0;
                 continue;
             }
             float w = v->w, wy = v->wy;
@@ -179,7 +196,7 @@ static void debevec_row(const merge *m, const merge_channel *ch, const merge_row
             for (int s = 0; s < m->n; s++) { /* of a mean with these weights and the model's noise */
                 const codeval *v = &ch->code[row->codes[m->order[s]][at]];
                 float one = ch->expect[clamp_cell(cell + m->offset[s])].sd;
-                if (!row->reject || counts(row, i, m->order[s]))
+                if (counts(row, i, m->order[s]))
                     scatter += v->w * v->w * one * one;
             }
             sd = x * fminf(sqrtf(scatter) / den, 1);
@@ -200,8 +217,8 @@ void merge_do_row(const merge *m, int channel, const merge_row *row)
     if (m->weight == MERGE_DEBEVEC)
         debevec_row(m, ch, row);
     else if (row->pedestal)
-        noise_row(m, ch, row, 1, row->reject != NULL);
-    else if (row->reject)
+        noise_row(m, ch, row, 1, row->reject || row->missing);
+    else if (row->reject || row->missing)
         noise_row(m, ch, row, 0, 1);
     else
         noise_row(m, ch, row, 0, 0);
