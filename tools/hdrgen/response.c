@@ -14,6 +14,7 @@ int response_alloc(response *r, int channels, int max_code, errmsg *e)
     r->channels = channels;
     r->max_code = max_code;
     for (int c = 0; c < channels; c++) {
+        r->clip[c] = max_code;
         r->finv[c] = calloc((size_t)max_code + 1, sizeof *r->finv[c]);
         if (!r->finv[c]) {
             response_free(r);

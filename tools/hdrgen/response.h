@@ -14,6 +14,7 @@ enum { RESPONSE_MAX_CHANNELS = 3 };
 typedef struct response {
     int channels;  /* 1 or 3 */
     int max_code;  /* highest code; tables have max_code + 1 entries */
+    int clip[RESPONSE_MAX_CHANNELS]; /* codes from here on are clipped: max_code, or where the series' white lies */
     double *finv[RESPONSE_MAX_CHANNELS]; /* owned; finv[c][0] = 0 */
     char origin[64];                     /* how it was come by, for the picture's header */
 } response;
