@@ -34,9 +34,12 @@ int response_gamma(response *r, int channels, int max_code, double g, errmsg *e)
 int response_make_monotone(response *r, int c);
 
 /* Scale all channels so that the gauge holds: the hat-weighted mean over the codes of ln finv
- * is the same in each channel (equal codes are grey), and finv(max_code) is 1 on average (of
+ * is the same in each channel (equal codes are grey), and finv of what is clipped is 1 on average (of
  * logarithms).  -1 if the channels' curves are so different that this makes no sense. */
 int response_normalise(response *r);
+
+/* The highest of the channels' clipped codes. */
+int response_top(const response *r);
 
 /* Exposure at which the code changes from z-1 to z (z = 1..max_code): finv(z - 1/2). */
 double response_edge(const response *r, int c, int z);
