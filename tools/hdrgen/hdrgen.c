@@ -66,9 +66,9 @@ static int take_bayer(const char *v, void *arg, errmsg *e)
     static const char *const known[] = {"RGGB", "BGGR", "GRBG", "GBRG"};
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
         if (strcmp(v, known[i]) == 0) {
+            o->bayer = (cfa){.columns = 2, .rows = 2};
             for (int p = 0; p < 4; p++)
-                o->bayer[p] = v[p] == 'R' ? 0 : v[p] == 'G' ? 1 : 2;
-            o->has_bayer = 1;
+                o->bayer.colour[p] = v[p] == 'R' ? 0 : v[p] == 'G' ? 1 : 2;
             return 0;
         }
     return err_set(e, "expected RGGB, BGGR, GRBG or GBRG, found \"%s\"", v);

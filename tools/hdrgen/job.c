@@ -8,6 +8,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "develop.h"
 #include "exif.h"
 #include "samples.h"
 
@@ -22,7 +23,7 @@ double job_cpu_s(void)
 
 int job_channels(const job *j)
 {
-    return j->opts.has_bayer ? 3 : frames_get_facts(j->frames)->channels;
+    return j->mosaic ? 3 : frames_get_facts(j->frames)->channels;
 }
 
 static int earlier(const shot *a, const shot *b)
@@ -81,6 +82,17 @@ static int load_dark(job *j, errmsg *e)
     return j->dark ? 0 : err_set(e, "%s: out of memory", j->opts.dark);
 }
 
+static int settle_mosaic(job *j, errmsg *e)
+{
+    const frames_facts *f = frames_get_facts(j->frames);
+    if (j->opts.bayer.columns && (f->channels != 1 || f->raw))
+        return err_set(e, "%s: expected grey images with --bayer, found %s", j->shots[0].path, f->raw ? "camera raw" : "colour");
+    if (j->opts.dark && f->raw)
+        return err_set(e, "%s: expected no --dark with camera raw, whose black level is known", j->opts.dark);
+    j->mosaic = f->raw ? f->mosaic : j->opts.bayer.columns ? &j->opts.bayer : NULL;
+    return 0;
+}
+
 int job_open(job *j, const char *times_file, errmsg *e)
 {
     char **paths = calloc((size_t)j->n, sizeof *paths);
@@ -108,10 +120,10 @@ int job_open(job *j, const char *times_file, errmsg *e)
     }
     if (shots_resolve(j->shots, j->n, &j->facts.varies, e) || sort_shots(j, e))
         return -1;
+    if (settle_mosaic(j, e) || develop_settle(j, e) || frames_begin(j->frames, j->progress, e))
+        return -1;
     if (j->opts.dark && load_dark(j, e))
         return -1;
-    if (j->opts.has_bayer && frames_get_facts(j->frames)->channels != 1)
-        return err_set(e, "%s: expected grey images with --bayer, found colour", j->shots[0].path);
     j->exposure = calloc((size_t)j->n, sizeof *j->exposure);
     if (!j->exposure)
         return err_set(e, "out of memory");
@@ -147,6 +159,10 @@ static int settle_white(job *j, errmsg *e)
         return -1;
     for (int c = 0; c < RESPONSE_MAX_CHANNELS && j->opts.white; c++)
         j->facts.clip[c] = j->opts.white;
+    const int *sensor = frames_get_facts(j->frames)->clip;
+    for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++) /* camera raw states it for each colour */
+        if (j->facts.clip[c] > sensor[c])
+            j->facts.clip[c] = sensor[c];
     for (int c = 0; c < j->samples.channels; c++)
         j->facts.bits_used = j->facts.clip[c] < top ? 0 : j->facts.bits_used; /* known better */
     white_apply(&j->samples, j->facts.clip);
@@ -166,7 +182,7 @@ static int collect_samples(job *j, errmsg *e)
         return err_set(e, "out of memory");
     }
     if (sampler_init(&p, f->width, f->height, j->n, job_channels(j), f->max_code,
-                     j->opts.has_bayer ? j->opts.bayer : NULL, j->dark != NULL, WANTED_SAMPLES, e)) {
+                     j->mosaic, j->dark != NULL, WANTED_SAMPLES, e)) {
         free(codes);
         free(missing);
         return -1;

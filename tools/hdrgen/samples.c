@@ -10,19 +10,19 @@
 enum { TRIES = 4 };
 
 int sampler_init(sampler *p, int width, int height, int exposures, int channels, int max_code,
-                 const int *bayer, int with_dark, int wanted, errmsg *e)
+                 const cfa *mosaic, int with_dark, int wanted, errmsg *e)
 {
     memset(p, 0, sizeof *p);
     p->width = width;
     p->height = height;
-    p->bayer = bayer;
-    p->lanes = bayer ? 1 : channels;
+    p->mosaic = mosaic;
+    p->lanes = mosaic ? 1 : channels;
     p->s.exposures = exposures;
     p->s.channels = channels;
     p->s.max_code = max_code;
     double area = (double)width * height;
     int cell = (int)floor(sqrt(area / wanted));
-    if (bayer && cell < 2)
+    if (mosaic && cell < 2)
         cell = 2;
     p->cell = cell < 1 ? 1 : cell;
     p->s.cap = ((width + p->cell - 1) / p->cell) * ((height + p->cell - 1) / p->cell);
@@ -63,7 +63,7 @@ static uint32_t hash(uint32_t x, uint32_t y, uint32_t t)
 /* Sum over the exposures of the code's change to the neighbours inside the strip. */
 static long gradient(const sampler *p, const uint16_t *const *codes, int x, int y, int rows)
 {
-    int d = p->bayer ? 2 : 1, step = p->lanes, g = p->lanes == 3 ? 1 : 0;
+    int d = p->mosaic ? p->mosaic->columns : 1, step = p->lanes, g = p->lanes == 3 ? 1 : 0;
     int x0 = x >= d ? x - d : x, x1 = x + d < p->width ? x + d : x;
     int y0 = y >= d ? y - d : y, y1 = y + d < rows ? y + d : y;
     size_t row = (size_t)p->width * (size_t)step;
@@ -95,7 +95,7 @@ static void take(sampler *p, const uint16_t *const *codes, const uint8_t *const 
 {
     samples *s = &p->s;
     size_t at = ((size_t)y * (size_t)p->width + (size_t)x) * (size_t)p->lanes;
-    int first = p->bayer ? p->bayer[(at_y & 1) * 2 + (x & 1)] : 0;
+    int first = p->mosaic ? cfa_at(p->mosaic, x, at_y) : 0;
     for (int l = 0; l < p->lanes; l++) {
         int c = first + l;
         if (s->n[c] == s->cap)

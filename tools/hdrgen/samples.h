@@ -10,6 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "cfa.h"
 #include "errmsg.h"
 #include "response.h"
 
@@ -23,16 +24,16 @@ typedef struct samples {
     uint16_t *dark[RESPONSE_MAX_CHANNELS]; /* dark[c][i]: the dark frame's code there; or NULL */
 } samples;
 
-/* Room for about `wanted` pixels of a width x height picture; channels 1 or 3; bayer: one
- * channel per pixel, `lane` below tells which. */
+/* Room for about `wanted` pixels of a width x height picture; channels 1 or 3; mosaic: NULL, or the
+ * colours of pixels that have one value each. */
 typedef struct sampler {
     samples s;
     int width, height, cell, lanes; /* lanes: interleaved values per pixel in a row */
-    const int *bayer;               /* NULL, or colour of the 2x2 positions, row by row */
+    const cfa *mosaic;              /* NULL: every pixel has all channels */
 } sampler;
 
 int sampler_init(sampler *p, int width, int height, int exposures, int channels, int max_code,
-                 const int *bayer, int with_dark, int wanted, errmsg *e);
+                 const cfa *mosaic, int with_dark, int wanted, errmsg *e);
 
 /* Look at rows [y0, y0+rows); codes[k] and missing[k] (frames.h) point at row y0 of exposure k, dark at that of the dark
  * frame (NULL without). */
