@@ -13,7 +13,7 @@
 #include <string.h>
 
 #include "../../tools/hdrgen/basis.h"
-#include "../../tools/hdrgen/finish.h"
+#include "../../tools/hdrgen/demosaic.h"
 #include "../../tools/hdrgen/noise.h"
 #include "../../tools/hdrgen/qrls.h"
 #include "../../tools/hdrgen/response.h"
