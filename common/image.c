@@ -152,6 +152,11 @@ const img_info *img_reader_info(const img_reader *r)
     return &r->shown;
 }
 
+int img_reader_fact(img_reader *r, const char *name, char *text, size_t room)
+{
+    return r->codec->fact ? r->codec->fact(r, name, text, room) : 0;
+}
+
 int img_reader_rows(img_reader *r, float *rows, int nrows, errmsg *e)
 {
     size_t stride = (size_t)r->shown.width * (size_t)r->shown.channels;

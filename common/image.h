@@ -86,6 +86,9 @@ typedef struct img_reader img_reader;
 int img_reader_open(img_reader **r, const char *path, errmsg *e);
 int img_reader_open_as(img_reader **r, const char *path, const img_open_opts *opts, errmsg *e);
 const img_info *img_reader_info(const img_reader *r);
+/* What the header states under this name (EXR: a number or string attribute; .hdr: a line NAME=value), as text:
+ * 1 and text, or 0.  Before or between rows. */
+int img_reader_fact(img_reader *r, const char *name, char *text, size_t room);
 int img_reader_rows(img_reader *r, float *rows, int nrows, errmsg *e); /* next nrows rows */
 void img_reader_close(img_reader *r);                                   /* NULL allowed */
 

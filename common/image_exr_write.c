@@ -1,6 +1,6 @@
 /*
  * image_exr_write.c - writing scan-line OpenEXR through OpenEXRCore: R, G, B(, A) or Y(, A), and
- * whatever further channels and attributes the caller has.
+ * whatever further channels and attributes the caller has.  Colours are not multiplied by alpha: an attribute says so.
  */
 #include <math.h>
 #include <openexr.h>
@@ -101,6 +101,10 @@ static int write_header(exr_context_t ctx, const img *im, const char *path, cons
     if (opts->comment) {
         rc = exr_attr_set_string(ctx, 0, "comments", opts->comment);
         if (rc != EXR_ERR_SUCCESS) return failed(path, e, rc, "attribute comments");
+    }
+    if (im->info.channels == 2 || im->info.channels == 4) {
+        rc = exr_attr_set_string(ctx, 0, EXR_STRAIGHT, EXR_STRAIGHT_VALUE);
+        if (rc != EXR_ERR_SUCCESS) return failed(path, e, rc, "attribute " EXR_STRAIGHT);
     }
     for (int i = 0; i < opts->nattrs; i++) {
         rc = put_attr(ctx, &opts->attrs[i]);

@@ -21,6 +21,7 @@ typedef struct img_codec {
     int (*open)(img_reader *r, errmsg *e);
     int (*row)(img_reader *r, float *row, errmsg *e);
     void (*close)(img_reader *r);
+    int (*fact)(img_reader *r, const char *name, char *text, size_t room); /* as img_reader_fact(); may be NULL */
 } img_codec;
 
 struct img_reader {
@@ -55,6 +56,10 @@ int img_bad(const img_reader *r, errmsg *e, const char *fmt, ...) __attribute__(
 int img_shape_open(img_reader *r, errmsg *e);
 int img_shape_row(img_reader *r, float *row, errmsg *e);
 void img_shape_close(img_reader *r);
+
+/* The matrix from the primaries and white xy (x, y of red, green, blue, white) to Rec. 709's: 1; 0 where it is not needed, for
+ * Rec. 709's own and Radiance's; -1 where they make no colour space. */
+int img_primaries(double m[3][3], const double xy[8]);
 
 /* Orientation 1..8 that an EXIF block (a TIFF; "Exif\0\0" before it is skipped) states for its first picture, else 1. */
 int img_exif_orientation(const unsigned char *block, size_t n);

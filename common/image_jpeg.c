@@ -126,4 +126,4 @@ static int jpeg_row(img_reader *r, float *row, errmsg *e)
     return 0;
 }
 
-const img_codec img_codec_jpeg = {"jpeg", jpeg_sniff, jpeg_open, jpeg_row, jpeg_close};
+const img_codec img_codec_jpeg = {"jpeg", jpeg_sniff, jpeg_open, jpeg_row, jpeg_close, NULL};

@@ -134,7 +134,7 @@ static int png_row(img_reader *r, float *row, errmsg *e)
     return 0;
 }
 
-const img_codec img_codec_png = {"png", png_sniff, png_open, png_row, png_close};
+const img_codec img_codec_png = {"png", png_sniff, png_open, png_row, png_close, NULL};
 
 /* ---- writing ----------------------------------------------------------------------------------- */
 

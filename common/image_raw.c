@@ -197,4 +197,4 @@ static int raw_row(img_reader *r, float *row, errmsg *e)
     return 0;
 }
 
-const img_codec img_codec_raw = {"raw", raw_sniff, raw_open, raw_row, raw_close};
+const img_codec img_codec_raw = {"raw", raw_sniff, raw_open, raw_row, raw_close, NULL};

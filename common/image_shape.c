@@ -14,6 +14,7 @@
 #include <string.h>
 
 #include "image_internal.h"
+#include "remark.h"
 
 static const double square = 0.01;    /* pixels are square to this: Radiance writes no PIXASPECT below it */
 static const double most_oblong = 16;
@@ -160,6 +161,8 @@ static int plan_stretch(img_reader *r, struct img_shape *s, errmsg *e)
     else
         w = llround((double)w / aspect), s->wide = w > s->w;
     if (img_check_size(r->path, w, h, e) < 0) return -1;
+    remark(r->path, "its pixels are not square (height / width %.4g): %dx%d stretched to %dx%d", s->order.columns ? 1 / aspect : aspect,
+           s->w, s->h, (int)w, (int)h);
     r->shown.width = (int)w;
     r->shown.height = (int)h;
     return 0;

@@ -244,4 +244,4 @@ static int tiff_row(img_reader *r, float *line, errmsg *e)
     return 0;
 }
 
-const img_codec img_codec_tiff = {"tiff", tiff_sniff, tiff_open, tiff_row, tiff_close};
+const img_codec img_codec_tiff = {"tiff", tiff_sniff, tiff_open, tiff_row, tiff_close, NULL};
