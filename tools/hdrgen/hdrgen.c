@@ -9,6 +9,7 @@
 
 #include "cli.h"
 #include "job.h"
+#include "notes.h"
 #include "output.h"
 #include "plot.h"
 
@@ -106,6 +107,18 @@ static int take_patch(const char *v, void *arg, errmsg *e)
     return o->patch[4] > 0 ? 0 : err_set(e, "expected a luminance above 0 cd/m2, found \"%s\"", eq + 1);
 }
 
+static int take_colour(const char *v, void *arg, errmsg *e)
+{
+    job_opts *o = arg;
+    static const colour_space known[] = {COLOUR_SRGB, COLOUR_CAMERA, COLOUR_XYZ, COLOUR_ACESCG};
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (strcmp(v, colour_name(known[i])) == 0) {
+            o->colour = known[i];
+            return 0;
+        }
+    return err_set(e, "expected srgb, camera, xyz or acescg, found \"%s\"", v);
+}
+
 static int take_type(const char *v, void *arg, errmsg *e)
 {
     output_opts *o = arg;
@@ -148,6 +161,9 @@ static const cli_opt options[] = {
     {"hot", 0, CLI_STRING, &set.job.hot, NULL, "FILE", "mask: pixels that aren't 0 in it are filled from their neighbours"},
     {"bayer", 0, CLI_CALL, &set.job, take_bayer, "ORDER",
      "grey images are a Bayer mosaic: RGGB, BGGR, GRBG or GBRG; merged, then interpolated"},
+    {"colour", 0, CLI_CALL, &set.job, take_colour, "SPACE",
+     "camera raw: srgb (linear, default), xyz, acescg, or camera: the sensor's own after\n"
+     "white balance"},
     {"half-size", 0, CLI_FLAG, &set.job.half_size, NULL, NULL, "camera raw: one pixel for each 2x2 of the sensor"},
     {"bits", 0, CLI_INT, &set.job.bits, NULL, "B", "codes fill B bits of their files', from the lowest (default: all)"},
     {"white", 0, CLI_INT, &set.job.white, NULL, "CODE", "codes from this on are clipped (default: found from the series)"},
@@ -175,6 +191,7 @@ static void report(const job *j)
     const frames_facts *f = frames_get_facts(j->frames);
     fprintf(stderr, "%d images, %dx%d, %d channel%s, codes 0..%d; response %s\n", f->n, f->width, f->height,
             f->channels, f->channels == 1 ? "" : "s", f->max_code, j->response.origin);
+    report_shots(j);
     for (int c = 0; c < j->response.channels; c++) {
         const noise_model *n = &j->noise[c];
         if (j->facts.solve.condition[c] > 0)
@@ -227,14 +244,13 @@ static void note_white(const job *j)
 
 static void summary(const job *j)
 {
-    if (j->facts.assumed_time)
-        cli_note("%s: no exposure time: 1 s assumed", j->shots[0].path);
+    notes_exposures(j);
+    notes_turn(j);
     if (j->facts.bits_used)
         cli_warn("%s: the codes of this series end at %d, where files of this kind end at %d: if that is where the camera clips, give --bits %d",
                  j->shots[0].path, (1 << j->facts.bits_used) - 1, frames_get_facts(j->frames)->max_code, j->facts.bits_used);
     note_white(j);
-    if (j->facts.varies)
-        cli_note("ISO or f-number vary: taken into account relative to %s", j->shots[0].path);
+    notes_colours(j);
     note_pixels(j->facts.clipped, j, "clipped in every exposure: lower bound");
     note_pixels(j->facts.black, j, "black in every exposure: upper bound");
     note_pixels(j->facts.gap, j, "clipped or black in every exposure: between two bounds");
@@ -266,6 +282,8 @@ static void check_usage(int images)
     int exr = strcmp(end, ".exr") == 0;
     if (!exr && strcmp(end, ".hdr") != 0 && strcmp(set.out.path, "-") != 0)
         cli_fail(CLI_USAGE, "-o: expected a name that ends in .exr or .hdr, found %s", set.out.path);
+    if (!exr && o->colour == COLOUR_XYZ)
+        cli_fail(CLI_USAGE, "--colour xyz: expected an output named .exr, found %s", set.out.path);
     if (!exr && (o->want_sigma || o->want_count || set.out.want_flags))
         cli_fail(CLI_USAGE, "--sigma, --count, --flags: expected an output named .exr, found %s", set.out.path);
 }

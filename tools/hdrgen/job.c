@@ -110,16 +110,18 @@ int job_open(job *j, const char *times_file, errmsg *e)
         exif_facts x = exif_read(j->shots[k].path);
         j->shots[k].seconds = i->exposure_s > 0 ? i->exposure_s : x.exposure_s;
         j->shots[k].f_number = i->f_number > 0 ? i->f_number : x.f_number;
-        j->shots[k].iso = i->iso > 0 ? i->iso : x.iso;
+        j->shots[k].iso = i->iso > 0 && i->iso != 65535 ? i->iso : x.iso; /* 65535: more than 16 bits hold */
     }
+    j->times_given = times_file != NULL;
     if (times_file && times_load(j->shots, j->n, times_file, e))
         return -1;
     if (j->n == 1 && !(j->shots[0].seconds > 0)) {
         j->shots[0].seconds = 1; /* one picture of unknown time: radiance is relative anyway */
         j->facts.assumed_time = 1;
     }
-    if (shots_resolve(j->shots, j->n, &j->facts.varies, e) || sort_shots(j, e))
+    if (shots_resolve(j->shots, j->n, times_file != NULL, &j->facts.times, e) || sort_shots(j, e))
         return -1;
+    shots_relate(j->shots, j->n);
     if (settle_mosaic(j, e) || develop_settle(j, e) || frames_begin(j->frames, j->progress, e))
         return -1;
     if (j->opts.dark && load_dark(j, e))
@@ -224,6 +226,19 @@ static int same_exposure(const job *j)
     return 1;
 }
 
+/* All stated exposures alike, all pictures not: wrong times, which no response can mend. */
+static int check_stated(job *j, errmsg *e)
+{
+    static const double most_alike = 0.5; /* stops: lamps flicker, clouds move */
+    stated_facts *f = &j->facts.stated;
+    int linear = frames_get_facts(j->frames)->raw || j->opts.response == RESPONSE_LINEAR;
+    stated_check(f, &j->samples, j->exposure, linear);
+    if (j->n > 1 && same_exposure(j) && f->span > most_alike && !j->times_given)
+        return err_set(e, "%s: expected the exposure times that were used, found %.4g s in all %d files, though their brightness "
+                       "differs by %.1f stops: give --times", j->shots[0].path, j->shots[0].seconds, j->n, f->span);
+    return 0;
+}
+
 static int first_response(job *j, const double *lnt, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
@@ -237,7 +252,7 @@ static int first_response(job *j, const double *lnt, errmsg *e)
                            j->shots[0].path);
         if (same_exposure(j))
             return err_set(e, "%s: expected images of different exposure to recover a response, found %d of the same: "
-                           "give --response", j->shots[0].path, j->n);
+                           "give --response, or --times if these are wrong", j->shots[0].path, j->n);
     }
     switch (kind) {
     case RESPONSE_LINEAR:
@@ -266,7 +281,7 @@ int job_calibrate(job *j, errmsg *e)
     if (collect_samples(j, e))
         goto done;
     double t0 = job_cpu_s();
-    if (first_response(j, lnt, e))
+    if (check_stated(j, e) || first_response(j, lnt, e))
         goto done;
     memcpy(j->response.clip, j->facts.clip, sizeof j->response.clip);
     /* hat weights on logarithms go with the curve that came from the same: both lean the same way */

@@ -15,6 +15,7 @@
 #include "noise.h"
 #include "response.h"
 #include "samples.h"
+#include "stated.h"
 #include "times.h"
 #include "white.h"
 
@@ -64,7 +65,8 @@ typedef struct job_facts {
     calib_facts calib;
     develop_facts develop;
     int calibrated;        /* calib holds something */
-    int varies;            /* ISO or f-number differ */
+    times_facts times;     /* what the exposures were made of */
+    stated_facts stated;   /* and whether the pixels agree */
     int assumed_time;      /* one image of unknown time: 1 s */
     int bits_used;         /* the codes seem to end at 2^this - 1, below the file's highest; 0: they don't */
     int clip[RESPONSE_MAX_CHANNELS]; /* codes from here on are clipped */
@@ -76,7 +78,7 @@ typedef struct job_facts {
 typedef struct job {
     job_opts opts;
     shot *shots;          /* from the shortest exposure on once job_open is done */
-    int n;
+    int n, times_given;   /* times_given: by a file */
     frames *frames;
     const cfa *mosaic;    /* one value per pixel, of these colours; NULL: pixels have all channels */
     response response;
