@@ -154,6 +154,9 @@ static int raw_open(img_reader *r, errmsg *e)
     p->adjust_maximum_thr = 0;
     p->highlight = 1; /* don't clip */
     int rc = libraw_open_buffer(s->raw, s->file, size);
+    const libraw_colordata_t *c = &s->raw->color; /* of linear DNGs black is taken off white, but not off the values: undone */
+    if (s->raw->idata.dng_version && c->black && c->dng_levels.dng_whitelevel[0] == c->maximum + c->black)
+        p->user_sat = (int)c->maximum; /* black is off this one */
     r->info.orientation = orientation_of(s->raw->sizes.flip);
     p->user_flip = r->opts.keep_orientation ? 0 : -1; /* the library turns what it holds anyway */
     r->turned = 1;

@@ -270,6 +270,23 @@ static int first_response(job *j, const double *lnt, errmsg *e)
     }
 }
 
+/* One sensor's colours are read out alike.  Where a colour shows too little of the dark to tell its noise there, far below that
+ * of the others, it gets the middle one's. */
+static void share_dark_noise(noise_model m[3], int top)
+{
+    static const double far_below = 0.25; /* of the variance */
+    const double code = 1.0 / top;
+    double v[3];
+    for (int c = 0; c < 3; c++)
+        v[c] = noise_variance(&m[c], 0, code);
+    double middle = fmax(fmin(v[0], v[1]), fmin(fmax(v[0], v[1]), v[2]));
+    for (int c = 0; c < 3; c++)
+        if (v[c] < far_below * middle) {
+            m[c].code_var = 1.0 / 12;
+            m[c].read = sqrt(fmax(middle - code * code / 12, 0));
+        }
+}
+
 int job_calibrate(job *j, errmsg *e)
 {
     int code = -1, recover;
@@ -302,6 +319,8 @@ int job_calibrate(job *j, errmsg *e)
         if (calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
             goto done;
         j->facts.calibrated = 1;
+        if (frames_get_facts(j->frames)->raw && j->response.channels == 3 && !(j->opts.gain > 0))
+            share_dark_noise(j->noise, j->response.max_code);
     }
     for (int k = 0; k < j->n; k++)
         j->exposure[k] = exp(lnt[k]);

@@ -186,7 +186,9 @@ static levels levels_of(const libraw_data_t *raw)
     for (int i = 0; i < 4; i++) {
         l.white[i] = (long)c->maximum;
         long stated = (long)c->dng_levels.dng_whitelevel[i];
-        if (raw->idata.dng_version && stated > l.white[i] / 2 && stated < l.white[i])
+        int by_colour = stated > l.white[i] / 2 && stated < l.white[i];
+        int less_black = stated == l.white[i] + l.black; /* LibRaw takes it off linear DNGs' white level, not off their values */
+        if (raw->idata.dng_version && (by_colour || less_black))
             l.white[i] = stated;
     }
     return l;
