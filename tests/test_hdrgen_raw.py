@@ -4,6 +4,7 @@ import pytest
 
 from conftest import one_line_error, shared_case
 from dng_util import BAYER, XTRANS, camera_values, shoot, write_raw
+from exif_util import rational, save
 from hdrgen_util import *  # noqa: F403
 from PIL import Image
 
@@ -169,17 +170,13 @@ def test_one_orientation_for_the_series_raw(tmp_path, first):
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "tif"])
 def test_one_orientation_for_the_series_coded(tmp_path, suffix):
-    truth, rng = scene(40, 56, decades=2), np.random.default_rng(1)
+    truth = scene(40, 56, decades=2)
     times = [0.05, 0.2, 0.8]
     names = []
     for tags in ([1, 1, 1], [6, 3, 1]):
         for k, t in enumerate(times):
-            im = Image.fromarray(expose(truth, t, f_srgb, max_code=255, rng=rng).astype(np.uint8))
-            exif = Image.Exif()
-            exif[0x112] = tags[k]
-            exif[0x8769] = {0x829A: t}
             name = f"{tags[k]}{k}.{suffix}"
-            im.save(tmp_path / name, exif=exif, **({"quality": 95} if suffix == "jpg" else {}))
+            save(tmp_path / name, expose(truth, t, f_srgb, max_code=255, rng=np.random.default_rng(k)), {0x829A: (5, [rational(t)])}, tags[k])
             names.append(name)
     plain = hdrgen(tmp_path, names[:3], "-r", "srgb", times=None, out="plain.exr")
     p = hdrgen(tmp_path, names[3:], "-r", "srgb", times=None)
