@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "image_internal.h"
 
@@ -69,6 +70,20 @@ static FILE *spool(FILE *in)
     return out;
 }
 
+/* Standard input is read once and kept: it can be opened again, as a file can. */
+static FILE *standard_input(void)
+{
+    static int kept = -1;
+    char name[32];
+    if (kept < 0) {
+        FILE *f = spool(stdin);
+        if (f) kept = dup(fileno(f));
+        return f;
+    }
+    snprintf(name, sizeof name, "/dev/fd/%d", kept);
+    return fopen(name, "rb"); /* with a place of its own in it */
+}
+
 static int open_file(img_reader *r, const char *path, errmsg *e)
 {
     int is_stdin = strcmp(path, "-") == 0;
@@ -84,7 +99,7 @@ static int open_file(img_reader *r, const char *path, errmsg *e)
     if (S_ISREG(st.st_mode) && !is_stdin) {
         r->f = in;
     } else {
-        r->f = spool(in);
+        r->f = is_stdin ? standard_input() : spool(in);
         if (!r->f) err_errno(e, "%s: can't read", r->path);
         if (!is_stdin) fclose(in);
         if (!r->f) return -1;
@@ -127,7 +142,8 @@ int img_reader_open_as(img_reader **out, const char *path, const img_open_opts *
     if (opts) r->opts = *opts;
     r->info.orientation = 1;
     r->info.pixel_aspect = 1;
-    if (open_file(r, path, e) < 0 || choose_codec(r, e) < 0 || r->codec->open(r, e) < 0 || img_shape_open(r, e) < 0) {
+    if (open_file(r, path, e) < 0 || choose_codec(r, e) < 0 || r->codec->open(r, e) < 0 ||
+        img_shape_open(r, e) < 0) {
         img_reader_close(r);
         return -1;
     }

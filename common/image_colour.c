@@ -1,8 +1,8 @@
 /*
  * image_colour.c - from the primaries that a file states to those that its numbers are taken for.
  *
- * The columns of P are the XYZ of the primaries, (x, y, 1 - x - y), each times what makes their sum the white with
- * Y = 1.  RGB' = P'^-1 P RGB: the light itself is kept, as XYZ, and no white is adapted to another.
+ * The columns of P are the XYZ of the primaries, (x, y, 1 - x - y), each times what makes their sum the white
+ * with Y = 1.  RGB' = P'^-1 P RGB: the light itself is kept, as XYZ, and no white is adapted to another.
  */
 #include <math.h>
 #include <string.h>
@@ -11,8 +11,10 @@
 
 typedef double matrix[3][3];
 
-static const double rec709[8] = {0.640, 0.330, 0.300, 0.600, 0.150, 0.060, 0.3127, 0.3290}; /* ITU-R BT.709-6 */
-static const double radiance[8] = {0.640, 0.330, 0.290, 0.600, 0.150, 0.060, 1 / 3., 1 / 3.}; /* its color.h */
+static const double rec709[8] = {0.640, 0.330, 0.300,  0.600,
+                                 0.150, 0.060, 0.3127, 0.3290}; /* ITU-R BT.709-6 */
+static const double radiance[8] = {0.640, 0.330, 0.290,  0.600,
+                                   0.150, 0.060, 1 / 3., 1 / 3.}; /* its color.h */
 static const double same = 1e-3;
 
 /* inv = m^-1; cofactors of cyclic indices carry their sign.  -1 where there is none to speak of. */

@@ -1,11 +1,10 @@
 /*
  * image_exr.h - what the parts of OpenEXR input and output share.
  *
- *   image_exr_check.c    is a header what its own sizes say, and does the file have bytes for what it promises?
- *   image_exr_file.cpp   OpenEXR's C++ library behind a C interface: headers as plain structs, rows as floats
- *   image_exr_choose.c   which part, layer and view is the picture
- *   image_exr.c          windows, alpha, colours: the codec
- *   image_exr_write.c    output (image_exr_write_dwa.c for DWA)
+ *   image_exr_check.c    is a header what its own sizes say, and does the file have bytes for what it
+ * promises? image_exr_file.cpp   OpenEXR's C++ library behind a C interface: headers as plain structs, rows
+ * as floats image_exr_choose.c   which part, layer and view is the picture image_exr.c          windows,
+ * alpha, colours: the codec image_exr_write.c    output (image_exr_write_dwa.c for DWA)
  */
 #ifndef IMAGE_EXR_H
 #define IMAGE_EXR_H
@@ -30,19 +29,19 @@ typedef struct exr_part {
     int deep, complete;
     int channels;
     const exr_channel *channel;
-    int nviews;               /* attribute multiView of a single part: the first is the default */
+    int nviews; /* attribute multiView of a single part: the first is the default */
     const char *const *views;
-    int data[4], display[4];  /* x and y of the first, x and y of the last pixel */
-    double pixel_aspect;      /* width over height */
-    int envmap;               /* -1 none, 0 latitude/longitude, 1 cube */
+    int data[4], display[4]; /* x and y of the first, x and y of the last pixel */
+    double pixel_aspect;     /* width over height */
+    int envmap;              /* -1 none, 0 latitude/longitude, 1 cube */
     int has_chroma;
-    double chroma[8];         /* x y of red, green, blue, white */
-    int straight_alpha;       /* EXR_STRAIGHT says so: colours are not multiplied by alpha */
+    double chroma[8];   /* x y of red, green, blue, white */
+    int straight_alpha; /* EXR_STRAIGHT says so: colours are not multiplied by alpha */
 } exr_part;
 
-/* String attribute of value "unassociated": what img_write_exr() puts beside an alpha channel, since the colours of an
- * img are not multiplied by it, as OpenEXR has it otherwise. */
-#define EXR_STRAIGHT "ilf:alpha"
+/* String attribute of value "unassociated": what img_write_exr() puts beside an alpha channel, since the
+ * colours of an img are not multiplied by it, as OpenEXR has it otherwise. */
+#define EXR_STRAIGHT       "ilf:alpha"
 #define EXR_STRAIGHT_VALUE "unassociated"
 
 /* A file open for reading.  Calls return 0 or -1 with the library's words in why[EXR_NAME]; none throws. */
@@ -52,10 +51,11 @@ void exr_file_close(exr_file *f);
 int exr_file_parts(const exr_file *f);
 const exr_part *exr_file_part(const exr_file *f, int k); /* owned by f */
 
-/* What will be read: n channels of a part; or, with luma, the colours that the library makes of Y, RY and BY of layer
- * names[0] ("" for none), n = 3 or 4. */
+/* What will be read: n channels of a part; or, with luma, the colours that the library makes of Y, RY and BY
+ * of layer names[0] ("" for none), n = 3 or 4. */
 int exr_file_pick(exr_file *f, int part, const char *const *names, int n, int luma, char *why);
-int exr_file_lines(const exr_file *f); /* rows that are decoded together: ask for such bands, counted from data[1] */
+int exr_file_lines(
+    const exr_file *f); /* rows that are decoded together: ask for such bands, counted from data[1] */
 
 /* Rows y0..y1 (inside the data window) of all its columns, the n channels interleaved. */
 int exr_file_rows(exr_file *f, float *rows, int y0, int y1, char *why);

@@ -1,9 +1,9 @@
 /*
- * image_exr_check.c - OpenEXR's library believes a header: it reads values by their types, and takes memory for tables
- * and chunks of the sizes stated.  Here they are held against the size of the file first.
+ * image_exr_check.c - OpenEXR's library believes a header: it reads values by their types, and takes memory
+ * for tables and chunks of the sizes stated.  Here they are held against the size of the file first.
  *
- * A file has one table entry of 8 bytes for each chunk, so that it can't have more chunks than an eighth of its
- * bytes; and no compression makes a chunk thousands of times smaller than it is.
+ * A file has one table entry of 8 bytes for each chunk, so that it can't have more chunks than an eighth of
+ * its bytes; and no compression makes a chunk thousands of times smaller than it is.
  */
 #include <limits.h>
 #include <openexr.h>
@@ -32,24 +32,29 @@ static int newer_compression(const img_reader *r, int code, errmsg *e)
     const int first = 10;
     if (code < EXR_COMPRESSION_LAST_TYPE) return 0;
     if (code < first + (int)(sizeof later / sizeof *later))
-        return img_bad(r, e, "compressed with %s, which needs OpenEXR %s; this program has %s", later[code - first].name,
-                       later[code - first].since, OPENEXR_VERSION_STRING);
-    return img_bad(r, e, "expected a compression that OpenEXR %s knows, found number %d", OPENEXR_VERSION_STRING, code);
+        return img_bad(r, e, "compressed with %s, which needs OpenEXR %s; this program has %s",
+                       later[code - first].name, later[code - first].since, OPENEXR_VERSION_STRING);
+    return img_bad(r, e, "expected a compression that OpenEXR %s knows, found number %d",
+                   OPENEXR_VERSION_STRING, code);
 }
 
 static int lines_per_chunk(int compression)
 {
     switch (compression) {
     case EXR_COMPRESSION_ZIP:
-    case EXR_COMPRESSION_PXR24: return 16;
+    case EXR_COMPRESSION_PXR24:
+        return 16;
     case EXR_COMPRESSION_PIZ:
     case EXR_COMPRESSION_B44:
     case EXR_COMPRESSION_B44A:
-    case EXR_COMPRESSION_DWAA: return 32;
+    case EXR_COMPRESSION_DWAA:
+        return 32;
     case EXR_COMPRESSION_NONE:
     case EXR_COMPRESSION_RLE:
-    case EXR_COMPRESSION_ZIPS: return 1;
-    default: return 256; /* DWAB, and what is newer */
+    case EXR_COMPRESSION_ZIPS:
+        return 1;
+    default:
+        return 256; /* DWAB, and what is newer */
     }
 }
 
@@ -124,7 +129,8 @@ int exr_check(const img_reader *r, errmsg *e)
     int fd = fileno(r->f), attributes = 0;
     uint64_t at = 8, bytes = (uint64_t)r->bytes;
     sizes part = {0};
-    if (!exr_header_sound(fd, bytes)) return img_bad(r, e, "broken OpenEXR file: header whose sizes don't fit");
+    if (!exr_header_sound(fd, bytes))
+        return img_bad(r, e, "broken OpenEXR file: header whose sizes don't fit");
     if (exr_bytes_at(fd, head, 8, 0) != 0) return img_bad(r, e, "can't read");
     int parts = (exr_u32(head + 4) & 0x1000) != 0;
     while (at < bytes) {

@@ -1,12 +1,12 @@
 /*
  * image_exr_choose.c - which part, layer and view of an OpenEXR file is the picture.
  *
- * A picture is what has channels R, G and B, or Y (grey), or Y, RY and BY (luminance and chroma).  "L.R" is layer L's
- * red; with the attribute multiView a view's name may stand before the last point, the first view
+ * A picture is what has channels R, G and B, or Y (grey), or Y, RY and BY (luminance and chroma).  "L.R" is
+ * layer L's red; with the attribute multiView a view's name may stand before the last point, the first view
  * named there being the default, whose names go without it.  Parts have an attribute "view" instead.
  *
- * Taken is what has no layer's name, before named layers; the default view before others; colour before grey.  If that
- * leaves several, only one that is called what programs call the picture itself is taken.  What was
+ * Taken is what has no layer's name, before named layers; the default view before others; colour before grey.
+ * If that leaves several, only one that is called what programs call the picture itself is taken.  What was
  * chosen among several is said; where nothing decides, we refuse and name them.
  */
 #include <stdlib.h>
@@ -40,14 +40,18 @@ static const char *last_of(const char *channel)
 }
 
 /* Channel of the layer that first begins with; a name in capitals, else small, else written out. */
-static const exr_channel *find(const exr_part *p, const char *first, int prefix, const char *name, const char *word)
+static const exr_channel *find(const exr_part *p, const char *first, int prefix, const char *name,
+                               const char *word)
 {
     const exr_channel *best = NULL;
     int rank = 3;
     for (int k = 0; k < p->channels; k++) {
         const char *c = p->channel[k].name, *last = last_of(c);
         if (prefix_of(c) != prefix || strncmp(c, first, (size_t)prefix) != 0) continue;
-        int is = strcmp(last, name) == 0 ? 0 : strcasecmp(last, name) == 0 ? 1 : strcasecmp(last, word) == 0 ? 2 : 3;
+        int is = strcmp(last, name) == 0       ? 0
+                 : strcasecmp(last, name) == 0 ? 1
+                 : strcasecmp(last, word) == 0 ? 2
+                                               : 3;
         if (is < rank) best = &p->channel[k], rank = is;
     }
     return best;
@@ -59,12 +63,14 @@ static int other_view(const exr_part *p, const char *first, int prefix)
     int from = prefix;
     while (from > 0 && first[from - 1] != '.') from--;
     for (int k = 1; prefix > 0 && k < p->nviews; k++)
-        if ((int)strlen(p->views[k]) == prefix - from && strncmp(p->views[k], first + from, (size_t)(prefix - from)) == 0)
+        if ((int)strlen(p->views[k]) == prefix - from &&
+            strncmp(p->views[k], first + from, (size_t)(prefix - from)) == 0)
             return 1;
     return 0;
 }
 
-/* ---- candidates ----------------------------------------------------------------------------------------- */
+/* ---- candidates -----------------------------------------------------------------------------------------
+ */
 
 static int colours(candidate *c, const exr_part *p, const char *first, int prefix)
 {
@@ -108,8 +114,10 @@ static int list_candidates(candidate *list, const exr_file *f)
             const char *first = p->channel[k].name;
             int prefix = prefix_of(first), seen = 0;
             for (int j = 0; j < k && !seen; j++)
-                seen = prefix_of(p->channel[j].name) == prefix && strncmp(p->channel[j].name, first, (size_t)prefix) == 0;
-            if (seen || n == MOST || !colours(&list[n], p, first, prefix) || is_matte(first, prefix)) continue;
+                seen = prefix_of(p->channel[j].name) == prefix &&
+                       strncmp(p->channel[j].name, first, (size_t)prefix) == 0;
+            if (seen || n == MOST || !colours(&list[n], p, first, prefix) || is_matte(first, prefix))
+                continue;
             list[n].part = part;
             list[n].view = other_view(p, first, prefix);
             n++;
@@ -145,7 +153,8 @@ static void describe_all(char *to, size_t room, const candidate *list, int n, co
     }
 }
 
-/* ---- choosing ------------------------------------------------------------------------------------------- */
+/* ---- choosing -------------------------------------------------------------------------------------------
+ */
 
 /* Keep those for which want holds, if there are any; returns how many are left. */
 static int keep_if(candidate *list, int n, int (*want)(const candidate *))
@@ -189,7 +198,8 @@ static int keep_called_picture(candidate *list, int n, const exr_file *f)
     int at = -1;
     for (int k = 0; k < n; k++) {
         const char *part = exr_file_part(f, list[k].part)->name;
-        int is = list[k].label ? called_picture(list[k].first, list[k].label) : called_picture(part, (int)strlen(part));
+        int is = list[k].label ? called_picture(list[k].first, list[k].label)
+                               : called_picture(part, (int)strlen(part));
         if (is && at >= 0) return n;
         if (is) at = k;
     }
@@ -204,8 +214,9 @@ static int is_named(const candidate *c, const char *layer, const exr_file *f)
     const exr_part *p = exr_file_part(f, c->part);
     char ours[2 * EXR_NAME];
     describe(ours, sizeof ours, c, f);
-    return ((int)strlen(layer) == c->label && strncmp(layer, c->first, (size_t)c->label) == 0) || strcmp(layer, p->name) == 0 ||
-           (*p->view && strcmp(layer, p->view) == 0) || strcmp(layer, ours) == 0;
+    return ((int)strlen(layer) == c->label && strncmp(layer, c->first, (size_t)c->label) == 0) ||
+           strcmp(layer, p->name) == 0 || (*p->view && strcmp(layer, p->view) == 0) ||
+           strcmp(layer, ours) == 0;
 }
 
 /* A single channel by its full name is a grey picture. */
@@ -215,7 +226,8 @@ static int single_channel(candidate *c, const exr_file *f, const char *name)
         const exr_part *p = exr_file_part(f, part);
         for (int k = 0; k < p->channels && !p->deep; k++)
             if (strcmp(p->channel[k].name, name) == 0) {
-                *c = (candidate){.part = part, .n = 1, .first = p->channel[k].name, .name = {p->channel[k].name}};
+                *c = (candidate){
+                    .part = part, .n = 1, .first = p->channel[k].name, .name = {p->channel[k].name}};
                 return 1;
             }
     }
@@ -230,13 +242,15 @@ static int no_picture(const exr_file *f, const img_reader *r, errmsg *e)
         const exr_part *p = exr_file_part(f, part);
         deep = deep && p->deep;
         for (int k = 0; k < p->channels && strlen(names) < 240; k++)
-            snprintf(names + strlen(names), sizeof names - strlen(names), "%s%.40s", *names ? ", " : "", p->channel[k].name);
+            snprintf(names + strlen(names), sizeof names - strlen(names), "%s%.40s", *names ? ", " : "",
+                     p->channel[k].name);
     }
     if (deep) return img_bad(r, e, "expected an OpenEXR picture, found deep data");
     return img_bad(r, e, "expected channels R, G, B or Y, found %s", *names ? names : "none");
 }
 
-static int choose(candidate *list, int n, int *said, const exr_file *f, const char *layer, const img_reader *r, errmsg *e)
+static int choose(candidate *list, int n, int *said, const exr_file *f, const char *layer,
+                  const img_reader *r, errmsg *e)
 {
     char words[400];
     *said = 0;
@@ -246,7 +260,8 @@ static int choose(candidate *list, int n, int *said, const exr_file *f, const ch
         for (int k = 0; k < n; k++)
             if (is_named(&list[k], layer, f)) list[m++] = list[k];
         if (m == 0 && !single_channel(&list[m++], f, layer))
-            return img_bad(r, e, "no layer, part, view or channel is called '%.60s'; it has %s", layer, *words ? words : "none");
+            return img_bad(r, e, "no layer, part, view or channel is called '%.60s'; it has %s", layer,
+                           *words ? words : "none");
         n = m;
     }
     if (n == 0) return no_picture(f, r, e);
@@ -271,13 +286,17 @@ int exr_choose(exr_choice *c, const exr_file *f, const char *layer, const img_re
     if (rc == 0) {
         char what[2 * EXR_NAME];
         *c = (exr_choice){.part = list->part, .n = list->n, .luma = list->luma};
-        for (int k = 0; k < EXR_PICKED && list->name[k]; k++) snprintf(c->name[k], EXR_NAME, "%s", list->name[k]);
+        for (int k = 0; k < EXR_PICKED && list->name[k]; k++)
+            snprintf(c->name[k], EXR_NAME, "%s", list->name[k]);
         if (c->luma) snprintf(c->name[0], EXR_NAME, "%.*s", list->label, list->first);
         describe(what, sizeof what, list, f);
         const char *view = exr_file_part(f, c->part)->view;
         if (said && !layer)
-            snprintf(c->said, sizeof c->said, "taken as the picture: %s %.200s%s%.60s", exr_file_parts(f) > 1 ? "part" : list->label ? "layer" : "view", what,
-                     *view ? ", view " : "", view);
+            snprintf(c->said, sizeof c->said, "taken as the picture: %s %.200s%s%.60s",
+                     exr_file_parts(f) > 1 ? "part"
+                     : list->label         ? "layer"
+                                           : "view",
+                     what, *view ? ", view " : "", view);
     }
     free(list);
     return rc;

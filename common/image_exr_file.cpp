@@ -1,8 +1,9 @@
 /*
- * image_exr_file.cpp - OpenEXR's C++ library behind image_exr.h's C interface; nothing is thrown beyond this file.
+ * image_exr_file.cpp - OpenEXR's C++ library behind image_exr.h's C interface; nothing is thrown beyond this
+ * file.
  *
- * Scan lines go through InputPart, tiles (the first level) through TiledInputPart a row of tiles at a time, luminance and
- * chroma through RgbaInputFile, which has the filter that brings RY and BY to every pixel.
+ * Scan lines go through InputPart, tiles (the first level) through TiledInputPart a row of tiles at a time,
+ * luminance and chroma through RgbaInputFile, which has the filter that brings RY and BY to every pixel.
  */
 #include <ImfChannelList.h>
 #include <ImfChromaticitiesAttribute.h>
@@ -38,16 +39,21 @@
 
 using namespace Imf;
 
-namespace {
+namespace
+{
 
 /* The open file, by position: its name may be gone, and its offset is shared. */
-class fd_stream : public IStream {
-public:
-    fd_stream(int fd, uint64_t bytes) : IStream("the file"), fd_(fd), bytes_(bytes) {}
+class fd_stream : public IStream
+{
+  public:
+    fd_stream(int fd, uint64_t bytes) : IStream("the file"), fd_(fd), bytes_(bytes)
+    {
+    }
 
     bool read(char c[], int n) override
     {
-        if (n < 0 || at_ > bytes_ || (uint64_t)n > bytes_ - at_) throw std::runtime_error("the file ends too early");
+        if (n < 0 || at_ > bytes_ || (uint64_t)n > bytes_ - at_)
+            throw std::runtime_error("the file ends too early");
         for (size_t left = (size_t)n, got; left > 0; c += got, left -= got, at_ += got) {
             if (at_ < first_ || at_ >= first_ + have_) {
                 if (left >= sizeof buf_) { /* to its place at once */
@@ -62,10 +68,16 @@ public:
         }
         return at_ < bytes_;
     }
-    uint64_t tellg() override { return at_; }
-    void seekg(uint64_t pos) override { at_ = pos; }
+    uint64_t tellg() override
+    {
+        return at_;
+    }
+    void seekg(uint64_t pos) override
+    {
+        at_ = pos;
+    }
 
-private:
+  private:
     /* At least one byte from where we are. */
     size_t some(char *to, size_t size)
     {
@@ -115,7 +127,9 @@ template <class F> int guarded(char *why, F &&f)
 } // namespace
 
 struct exr_file {
-    exr_file(int fd, uint64_t bytes) : stream(fd, bytes), second(fd, bytes), in(stream, 0, false) {}
+    exr_file(int fd, uint64_t bytes) : stream(fd, bytes), second(fd, bytes), in(stream, 0, false)
+    {
+    }
 
     fd_stream stream, second; /* the second for the RGBA interface, which opens the file for itself */
     MultiPartInputFile in;
@@ -129,7 +143,8 @@ struct exr_file {
     std::vector<Rgba> line;
 };
 
-namespace {
+namespace
+{
 
 void take_header(part_store &p, const Header &h, bool complete)
 {
@@ -210,14 +225,18 @@ static int lines_together(const Header &h)
     switch (h.compression()) {
     case NO_COMPRESSION:
     case RLE_COMPRESSION:
-    case ZIPS_COMPRESSION: return 1;
+    case ZIPS_COMPRESSION:
+        return 1;
     case ZIP_COMPRESSION:
-    case PXR24_COMPRESSION: return 16;
+    case PXR24_COMPRESSION:
+        return 16;
     case PIZ_COMPRESSION:
     case B44_COMPRESSION:
     case B44A_COMPRESSION:
-    case DWAA_COMPRESSION: return 32;
-    default: return 256;
+    case DWAA_COMPRESSION:
+        return 32;
+    default:
+        return 256;
     }
 }
 

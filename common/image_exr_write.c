@@ -1,6 +1,7 @@
 /*
  * image_exr_write.c - writing scan-line OpenEXR through OpenEXRCore: R, G, B(, A) or Y(, A), and
- * whatever further channels and attributes the caller has.  Colours are not multiplied by alpha: an attribute says so.
+ * whatever further channels and attributes the caller has.  Colours are not multiplied by alpha: an attribute
+ * says so.
  */
 #include <math.h>
 #include <openexr.h>

@@ -1,6 +1,6 @@
 /*
- * image_exr_write_dwa.c - writing OpenEXR's lossy DWAA, which the core library of OpenEXR 3.1 leaves to the older
- * one: R, G, B(, A) as HALF.  That library's C interface knows nothing else.
+ * image_exr_write_dwa.c - writing OpenEXR's lossy DWAA, which the core library of OpenEXR 3.1 leaves to the
+ * older one: R, G, B(, A) as HALF.  That library's C interface knows nothing else.
  */
 #include <ImfCRgbaFile.h>
 #include <stdlib.h>

@@ -6,9 +6,9 @@
  * 1 1 1 n repeats the last one) or in new ones (2 2 w w, then four runs of bytes).
  * A byte c with exponent e stands for (c + 1/2)·2^(e - 136), as in Radiance.
  *
- * Radiance = value / (product of all EXPOSURE lines), and per channel / COLORCORR.  The product of all PIXASPECT lines is a
- * pixel's height over its width.  XYZE values
- * are photometric: Y in cd/m², so RGB = M·XYZ / 179 with the matrix of Radiance's primaries.
+ * Radiance = value / (product of all EXPOSURE lines), and per channel / COLORCORR.  The product of all
+ * PIXASPECT lines is a pixel's height over its width.  XYZE values are photometric: Y in cd/m², so RGB =
+ * M·XYZ / 179 with the matrix of Radiance's primaries.
  */
 #include <ctype.h>
 #include <math.h>
@@ -28,7 +28,7 @@ typedef struct hdr_state {
     double to_rgb[3][3]; /* XYZE, and other primaries than Radiance's */
     float power[256];    /* of the exponent byte */
     unsigned char *line; /* 4 bytes a pixel */
-    float *held;
+    void *held;
 } hdr_state;
 
 /* Some tools put lines before "#?RADIANCE", so that any line of the header may tell. */
@@ -88,7 +88,9 @@ static int primaries_line(img_reader *r, hdr_state *s, const char *line, errmsg 
         p = end;
     }
     s->recolour = img_primaries(s->to_rgb, xy);
-    return s->recolour < 0 ? img_bad(r, e, "expected PRIMARIES= that make a colour space, found '%.100s'", line) : 0;
+    return s->recolour < 0
+               ? img_bad(r, e, "expected PRIMARIES= that make a colour space, found '%.100s'", line)
+               : 0;
 }
 
 static int header_line(img_reader *r, hdr_state *s, const char *line, errmsg *e)
@@ -195,7 +197,9 @@ static int hdr_open(img_reader *r, errmsg *e)
     if (s->xyz)
         xyz_matrix(s->to_rgb);
     else if (s->recolour)
-        remark(r->path, "colours converted from its own primaries to Rec. 709's, through XYZ without adapting the white");
+        remark(
+            r->path,
+            "colours converted from its own primaries to Rec. 709's, through XYZ without adapting the white");
     for (int i = 1; i < 256; i++) s->power[i] = ldexpf(1, i - 136);
     s->line = malloc((size_t)s->length * 4);
     return s->line ? 0 : img_bad(r, e, "out of memory");
@@ -288,7 +292,8 @@ static int hdr_line(img_reader *r, float *out, errmsg *e)
         double f = (double)s->power[b[3]], v[3] = {(b[0] + 0.5) * f, (b[1] + 0.5) * f, (b[2] + 0.5) * f};
         for (int i = 0; i < 3; i++) {
             double c = v[i];
-            if (s->xyz || s->recolour) c = s->to_rgb[i][0] * v[0] + s->to_rgb[i][1] * v[1] + s->to_rgb[i][2] * v[2];
+            if (s->xyz || s->recolour)
+                c = s->to_rgb[i][0] * v[0] + s->to_rgb[i][1] * v[1] + s->to_rgb[i][2] * v[2];
             out[3 * x + i] = (float)(c * s->scale[i]);
         }
     }
@@ -300,8 +305,8 @@ static int hdr_row(img_reader *r, float *row, errmsg *e)
     hdr_state *s = r->state;
     if (!s->order.columns && !s->order.flip_x && !s->order.flip_y) return hdr_line(r, row, e);
     int w = r->info.width, h = r->info.height;
-    if (!s->held && img_hold(&s->held, r, w, h, 3, s->order, hdr_line, e) < 0) return -1;
-    memcpy(row, s->held + (size_t)r->y * (size_t)w * 3, (size_t)w * 3 * sizeof *row);
+    if (!s->held && img_hold(&s->held, 4, r, w, h, 3, s->order, hdr_line, e) < 0) return -1;
+    img_held(row, s->held, 4, (size_t)r->y * (size_t)w * 3, (size_t)w * 3);
     return 0;
 }
 

@@ -92,6 +92,7 @@ static int jpeg_open(img_reader *r, errmsg *e)
     jpeg_save_markers(&s->jpeg, JPEG_APP0 + 1, 0xffff);
     jpeg_read_header(&s->jpeg, TRUE);
     jpeg_facts(r, &s->jpeg);
+    if (s->jpeg.saw_JFIF_marker) img_density(r, s->jpeg.X_density, s->jpeg.Y_density);
     int grey = s->jpeg.jpeg_color_space == JCS_GRAYSCALE;
     if (!grey && s->jpeg.jpeg_color_space != JCS_YCbCr && s->jpeg.jpeg_color_space != JCS_RGB)
         return img_bad(r, e, "expected a grey or RGB JPEG, found %d colour components of another kind",

@@ -83,6 +83,10 @@ static int png_open(img_reader *r, errmsg *e)
                        e) < 0)
         return -1;
     png_set_expand(s->png);
+    png_uint_32 density[2] = {0, 0}; /* its ratio counts in either unit */
+    int unit = 0;
+    png_get_pHYs(s->png, s->info, &density[0], &density[1], &unit);
+    img_density(r, density[0], density[1]);
     s->interlaced = png_set_interlace_handling(s->png) > 1;
     png_read_update_info(s->png, s->info);
     s->bytes = png_get_bit_depth(s->png, s->info) == 16 ? 2 : 1;

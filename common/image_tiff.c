@@ -4,7 +4,7 @@
  * picture of the file.
  *
  * Strips of one plane stream line by line; separate planes keep a strip of each, tiles a row of
- * tiles.
+ * tiles.  Associated alpha (colours multiplied by it) is divided out.
  */
 #include <math.h>
 #include <pthread.h>
@@ -22,6 +22,7 @@ typedef struct tiff_state {
     uint32_t width, height, rows; /* rows of a strip or tile */
     uint16_t bits, samples, photometric;
     int is_float, separate, tiled, palette;
+    int multiplied; /* colours are multiplied by alpha (associated) */
     uint32_t tile_w;
     uint16_t *map[3];      /* palette, libtiff's */
     size_t unit, unit_row; /* bytes of a strip or tile, and of its line */
@@ -95,6 +96,7 @@ static int read_layout(img_reader *r, tiff_state *s, errmsg *e)
     s->separate = config == PLANARCONFIG_SEPARATE && s->samples > 1;
     int alpha = s->samples > colours && extra > 0 && kinds &&
                 (kinds[0] == EXTRASAMPLE_ASSOCALPHA || kinds[0] == EXTRASAMPLE_UNASSALPHA);
+    s->multiplied = r->fractions = alpha && kinds[0] == EXTRASAMPLE_ASSOCALPHA;
     return s->palette ? 3 : colours + alpha;
 }
 
@@ -153,6 +155,10 @@ static int tiff_open(img_reader *r, errmsg *e)
     double max = s->is_float ? 0 : s->bits == 16 || s->palette ? 65535 : 255;
     uint16_t orientation = ORIENTATION_TOPLEFT;
     TIFFGetFieldDefaulted(s->tif, TIFFTAG_ORIENTATION, &orientation);
+    float res[2] = {0, 0};
+    if (TIFFGetField(s->tif, TIFFTAG_XRESOLUTION, &res[0]) &&
+        TIFFGetField(s->tif, TIFFTAG_YRESOLUTION, &res[1]))
+        img_density(r, (double)res[0], (double)res[1]);
     r->info.orientation = orientation >= 1 && orientation <= 8 ? orientation : ORIENTATION_TOPLEFT;
     if (img_set_info(r, s->width, s->height, channels, max, e) < 0) return -1;
     return read_units(r, s, e);
@@ -210,6 +216,16 @@ static double sample_at(const tiff_state *s, const unsigned char *p)
     return (double)v;
 }
 
+/* Colours as they were before they were multiplied by alpha, as codes no more than the largest. */
+static void divide_alpha(float *p, size_t nc, double max)
+{
+    double alpha = (double)p[nc - 1] / (max > 0 ? max : 1);
+    for (size_t c = 0; c + 1 < nc && alpha > 0 && alpha < 1; c++) {
+        double v = (double)p[c] / alpha;
+        p[c] = (float)(max > 0 && v > max ? max : v);
+    }
+}
+
 static int tiff_row(img_reader *r, float *line, errmsg *e)
 {
     tiff_state *s = r->state;
@@ -240,6 +256,7 @@ static int tiff_row(img_reader *r, float *line, errmsg *e)
                 line[nc * x + c] = (float)(inverted ? r->info.max_code - v : v);
             }
         }
+        if (s->multiplied) divide_alpha(line + nc * x, nc, r->info.max_code);
     }
     return 0;
 }

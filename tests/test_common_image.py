@@ -126,7 +126,7 @@ def test_exr_channels_and_types(tmp_path, names):
     """Any order, further channels, mixed types, unsigned integers, NaN and infinity pass through."""
     rng = np.random.default_rng(4)
     kinds = [np.float16, np.float32, np.uint32, np.float16]
-    planes = {n: rng.integers(0, 1000, (H, W)).astype(k) for n, k in zip(names, kinds)}
+    planes = {n: rng.integers(1, 1000, (H, W)).astype(k) for n, k in zip(names, kinds)}
     planes[names[0]][3, 4:7] = [np.nan, np.inf, 6e-8]
     extra = {"depth.Z": rng.random((H, W)).astype(np.float32), "AA": np.ones((H, W), np.float16)}
     write_exr(tmp_path / "a.exr", planes | extra)
