@@ -8,6 +8,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "contradict.h"
 #include "exif.h"
 #include "samples.h"
 
@@ -208,6 +209,18 @@ static int same_exposure(const job *j)
     return 1;
 }
 
+/* A polynomial's fit is not robust: what contradicts is found by one that is.  Where that fails, nothing is marked. */
+static void mark_by_debevec(job *j, const double *lnt)
+{
+    response r = {0};
+    solve_facts unused;
+    errmsg words;
+    noise_model noise[RESPONSE_MAX_CHANNELS] = {noise_default(), noise_default(), noise_default()};
+    if (debevec_solve(&r, &unused, &j->samples, lnt, j->opts.lambda, &words) == 0)
+        contradict_mark(&j->samples, &r, noise, lnt, &words);
+    response_free(&r);
+}
+
 static int first_response(job *j, const double *lnt, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
@@ -233,6 +246,7 @@ static int first_response(job *j, const double *lnt, errmsg *e)
     case RESPONSE_FILE:
         return response_load(&j->response, j->opts.response_file, ch, f->max_code, e);
     case RESPONSE_MITSUNAGA:
+        mark_by_debevec(j, lnt);
         return mitsunaga_solve(&j->response, &j->facts.solve, &j->samples, lnt, e);
     default:
         return debevec_solve(&j->response, &j->facts.solve, &j->samples, lnt, j->opts.lambda, e);
@@ -268,7 +282,8 @@ int job_calibrate(job *j, errmsg *e)
     }
     o.reference = j->n / 2; /* by time */
     if (j->n > 1) {
-        if (calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
+        if (contradict_mark(&j->samples, &j->response, j->noise, lnt, e) ||
+            calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
             goto done;
         j->facts.calibrated = 1;
     }
