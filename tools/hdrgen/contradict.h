@@ -25,7 +25,7 @@ typedef enum contradict_cause {
 typedef struct contradict_facts {
     double stops;      /* rms difference of neighbouring exposures beyond noise, log2; differences count up to 2 */
     double share;      /* part of the pixels whose exposures differ by more than a quarter stop beyond noise */
-    int pairs;         /* of samples that were compared */
+    int pairs;         /* of samples that were compared; 0: nothing is known */
     contradict_cause cause;
     int exposure;      /* CAUSE_EXPOSURE: which one, and by how many stops it is too bright for its time */
     double off;

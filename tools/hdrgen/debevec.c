@@ -166,29 +166,33 @@ done:
     return code;
 }
 
+/* ln exposure of each code, and its variance there by the noise model. */
+static void tabulate(const fit *f, double *g, double *var)
+{
+    noise_model noise = noise_default();
+    int top = f->s->clip[f->c];
+    for (int z = 1; z <= top; z++)
+        g[z] = basis_curve(f->b, f->coef, log(z));
+    for (int z = 1; z < top; z++) {
+        double ex = exp(g[z] - g[top]), slope = ex * (z > 1 ? 0.5 * (g[z + 1] - g[z - 1]) : g[2] - g[1]);
+        var[z] = noise_variance(&noise, ex, slope) / (ex * ex);
+    }
+}
+
 /* RMS over a pixel's samples of ln exposure about their weighted mean, over what noise makes of it. */
-static double misfit(const fit *f, const noise_model *noise, int i)
+static double misfit(const fit *f, const double *g, const double *var, int i)
 {
     const uint16_t *z = f->s->z[f->c] + (size_t)f->chosen[i] * (size_t)f->s->exposures;
-    double top = basis_curve(f->b, f->coef, log(f->s->clip[f->c])), sum = 0, mean = 0, square = 0, var = 1e-12;
+    double sum = 0, mean = 0, square = 0, noise = 1e-12;
     for (int k = 0; k < f->s->exposures; k++)
         if (usable(z[k], f->s->max_code)) {
-            double w = hat(f, z[k]);
-            mean += w * w * (basis_curve(f->b, f->coef, log(z[k])) - f->lnt[k]);
+            double w = hat(f, z[k]), d = g[z[k]] - f->lnt[k];
             sum += w * w;
-        }
-    if (!(sum > 0))
-        return 0;
-    mean /= sum;
-    for (int k = 0; k < f->s->exposures; k++)
-        if (usable(z[k], f->s->max_code)) {
-            double g = basis_curve(f->b, f->coef, log(z[k])), w = hat(f, z[k]), ex = exp(g - top);
-            double slope = ex * (basis_curve(f->b, f->coef, log(z[k] + 0.5)) - basis_curve(f->b, f->coef, log(z[k] - 0.5)));
-            double d = g - f->lnt[k] - mean;
+            mean += w * w * d;
             square += w * w * d * d;
-            var += w * w * noise_variance(noise, ex, slope) / (ex * ex);
+            noise += w * w * var[z[k]];
         }
-    return sqrt(square / var);
+    return sum > 0 ? sqrt(fmax(square - mean * mean / sum, 0) / noise) : 0;
 }
 
 static int by_value(const void *a, const void *b)
@@ -199,13 +203,13 @@ static int by_value(const void *a, const void *b)
 
 /* Pixels that contradict themselves lose their say, by iterated reweighting with a redescending weight (Geman and
  * McClure's) about what is usual.  Returns the largest change of a weight; 0: too few stand out to matter. */
-static double reweigh(fit *f, double *r, double *sorted)
+static double reweigh(fit *f, double *room)
 {
     static const double wide = 3, stands_out = 6, few = 0.003;
-    noise_model noise = noise_default();
-    double change = 0, out = 0;
+    double change = 0, out = 0, *r = room, *sorted = r + f->n, *g = sorted + f->n, *var = g + f->s->max_code + 1;
+    tabulate(f, g, var);
     for (int i = 0; i < f->n; i++)
-        sorted[i] = r[i] = misfit(f, &noise, i);
+        sorted[i] = r[i] = misfit(f, g, var, i);
     qsort(sorted, (size_t)f->n, sizeof *sorted, by_value);
     double usual = fmax(sorted[f->n / 2], 1e-6);
     for (int i = 0; i < f->n; i++)
@@ -225,7 +229,7 @@ static int one_channel(response *r, int c, solve_facts *facts, const samples *s,
     int *chosen = NULL, code = -1;
     int n = stratify(&chosen, s, c, lnt);
     fit f = {.s = s, .c = c, .lnt = lnt, .lambda = lambda, .b = b, .chosen = chosen, .n = n};
-    double *room = n >= 0 ? malloc(sizeof *room * 3 * ((size_t)n + 1)) : NULL;
+    double *room = n >= 0 ? malloc(sizeof *room * (3 * (size_t)n + 2 * (size_t)s->max_code + 3)) : NULL;
     f.say = room;
     if (!room) {
         err_set(e, "out of memory");
@@ -250,7 +254,7 @@ static int one_channel(response *r, int c, solve_facts *facts, const samples *s,
         f.say[i] = 1;
     if (least_squares(&f, e))
         goto done;
-    for (int pass = 1; pass < MOST_PASSES && reweigh(&f, room + n, room + 2 * n) > 0.02; pass++)
+    for (int pass = 1; pass < MOST_PASSES && reweigh(&f, room + n) > 0.02; pass++)
         if (least_squares(&f, e))
             goto done;
     if (curve_to_table(r, c, b, f.coef)) {

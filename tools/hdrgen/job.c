@@ -8,7 +8,6 @@
 #include <string.h>
 #include <time.h>
 
-#include "contradict.h"
 #include "exif.h"
 #include "samples.h"
 
@@ -286,6 +285,8 @@ int job_calibrate(job *j, errmsg *e)
             calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
             goto done;
         j->facts.calibrated = 1;
+        if (contradict_measure(&j->facts.contradict, &j->samples, &j->response, j->noise, lnt, e))
+            goto done;
     }
     for (int k = 0; k < j->n; k++)
         j->exposure[k] = exp(lnt[k]);

@@ -5,6 +5,7 @@
 #define HDRGEN_JOB_H
 
 #include "calibrate.h"
+#include "contradict.h"
 #include "debevec.h"
 #include "errmsg.h"
 #include "frames.h"
@@ -47,6 +48,7 @@ typedef struct job_facts {
     solve_facts solve;     /* of the first estimate; condition 0 where none was needed */
     calib_facts calib;
     int calibrated;        /* calib holds something */
+    contradict_facts contradict; /* of the exposures as they were merged */
     int varies;            /* ISO or f-number differ */
     int assumed_time;      /* one image of unknown time: 1 s */
     int bits_used;         /* the codes seem to end at 2^this - 1, below the file's highest; 0: they don't */
