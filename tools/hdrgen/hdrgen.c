@@ -207,6 +207,9 @@ static void report(const job *j)
                     n->read / n->photon);
         fputc('\n', stderr);
     }
+    const contradict_facts *d = &j->facts.contradict;
+    fprintf(stderr, "neighbouring exposures differ by %.3f stops rms, %.3g %% of pixels by more than a quarter, cause %d\n", d->stops,
+            100 * d->share, (int)d->cause);
     fprintf(stderr, "CPU s: reading %.3f, recovering %.3f, merging %.3f\n", j->facts.read_s,
             j->facts.recover_s, j->facts.merge_s);
 }

@@ -239,6 +239,18 @@ static int check_stated(job *j, errmsg *e)
     return 0;
 }
 
+/* A polynomial's fit is not robust: what contradicts is found by one that is.  Where that fails, nothing is marked. */
+static void mark_by_debevec(job *j, const double *lnt)
+{
+    response r = {0};
+    solve_facts unused;
+    errmsg words;
+    noise_model noise[RESPONSE_MAX_CHANNELS] = {noise_default(), noise_default(), noise_default()};
+    if (debevec_solve(&r, &unused, &j->samples, lnt, j->opts.lambda, &words) == 0)
+        contradict_mark(&j->samples, &r, noise, lnt, &words);
+    response_free(&r);
+}
+
 static int first_response(job *j, const double *lnt, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
@@ -264,6 +276,7 @@ static int first_response(job *j, const double *lnt, errmsg *e)
     case RESPONSE_FILE:
         return response_load(&j->response, j->opts.response_file, ch, f->max_code, e);
     case RESPONSE_MITSUNAGA:
+        mark_by_debevec(j, lnt);
         return mitsunaga_solve(&j->response, &j->facts.solve, &j->samples, lnt, e);
     default:
         return debevec_solve(&j->response, &j->facts.solve, &j->samples, lnt, j->opts.lambda, e);
@@ -316,11 +329,14 @@ int job_calibrate(job *j, errmsg *e)
     }
     o.reference = j->n / 2; /* by time */
     if (j->n > 1) {
-        if (calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
+        if (contradict_mark(&j->samples, &j->response, j->noise, lnt, e) ||
+            calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
             goto done;
         j->facts.calibrated = 1;
         if (frames_get_facts(j->frames)->raw && j->response.channels == 3 && !(j->opts.gain > 0))
             share_dark_noise(j->noise, j->response.max_code);
+        if (contradict_measure(&j->facts.contradict, &j->samples, &j->response, j->noise, lnt, e))
+            goto done;
     }
     for (int k = 0; k < j->n; k++)
         j->exposure[k] = exp(lnt[k]);

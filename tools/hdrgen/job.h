@@ -7,6 +7,7 @@
 #include "calibrate.h"
 #include "cfa.h"
 #include "colour.h"
+#include "contradict.h"
 #include "debevec.h"
 #include "errmsg.h"
 #include "frames.h"
@@ -67,6 +68,7 @@ typedef struct job_facts {
     int calibrated;        /* calib holds something */
     times_facts times;     /* what the exposures were made of */
     stated_facts stated;   /* and whether the pixels agree */
+    contradict_facts contradict; /* of the exposures as they were merged */
     int assumed_time;      /* one image of unknown time: 1 s */
     int bits_used;         /* the codes seem to end at 2^this - 1, below the file's highest; 0: they don't */
     int clip[RESPONSE_MAX_CHANNELS]; /* codes from here on are clipped */

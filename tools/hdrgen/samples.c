@@ -20,6 +20,9 @@ int sampler_init(sampler *p, int width, int height, int exposures, int channels,
     p->s.exposures = exposures;
     p->s.channels = channels;
     p->s.max_code = max_code;
+    p->s.width = width;
+    p->s.height = height;
+    p->s.mosaic = mosaic != NULL;
     double area = (double)width * height;
     int cell = (int)floor(sqrt(area / wanted));
     if (mosaic && cell < 2)
@@ -31,7 +34,10 @@ int sampler_init(sampler *p, int width, int height, int exposures, int channels,
         p->s.z[c] = malloc((size_t)p->s.cap * (size_t)exposures * sizeof *p->s.z[c]);
         if (with_dark)
             p->s.dark[c] = malloc((size_t)p->s.cap * sizeof *p->s.dark[c]);
-        if (!p->s.z[c] || (with_dark && !p->s.dark[c])) {
+        p->s.out[c] = calloc((size_t)p->s.cap, 1);
+        p->s.at[c] = malloc((size_t)p->s.cap * sizeof *p->s.at[c]);
+        p->s.steep[c] = malloc((size_t)p->s.cap * sizeof *p->s.steep[c]);
+        if (!p->s.z[c] || !p->s.out[c] || !p->s.at[c] || !p->s.steep[c] || (with_dark && !p->s.dark[c])) {
             samples_free(&p->s);
             return err_set(e, "out of memory for %d sample pixels", p->s.cap);
         }
@@ -45,6 +51,9 @@ void samples_free(samples *s)
         free(s->z[c]);
         free(s->dark[c]);
         free(s->gone[c]);
+        free(s->out[c]);
+        free(s->at[c]);
+        free(s->steep[c]);
     }
     memset(s, 0, sizeof *s);
 }
@@ -91,7 +100,7 @@ static int need_masks(sampler *p, const uint8_t *const *missing, errmsg *e)
 }
 
 static void take(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing, const uint16_t *dark, int x, int y,
-                 int at_y)
+                 int at_y, long slope)
 {
     samples *s = &p->s;
     size_t at = ((size_t)y * (size_t)p->width + (size_t)x) * (size_t)p->lanes;
@@ -102,12 +111,16 @@ static void take(sampler *p, const uint16_t *const *codes, const uint8_t *const 
             continue;
         if (dark)
             s->dark[c][s->n[c]] = dark[at + (size_t)l];
-        size_t to = (size_t)s->n[c]++ * (size_t)s->exposures;
+        s->at[c][s->n[c]] = (uint32_t)at_y * (uint32_t)p->width + (uint32_t)x;
+        float sum = 1;
+        size_t to = (size_t)s->n[c] * (size_t)s->exposures;
         for (int k = 0; k < s->exposures; k++) {
             s->z[c][to + (size_t)k] = codes[k][at + (size_t)l];
+            sum += codes[k][at + (size_t)l];
             if (missing[k])
                 s->gone[c][to + (size_t)k] = missing[k][(size_t)y * (size_t)p->width + (size_t)x];
         }
+        s->steep[c][s->n[c]++] = (float)slope / sum;
     }
 }
 
@@ -137,7 +150,7 @@ int sampler_strip(sampler *p, const uint16_t *const *codes, const uint8_t *const
                 if (cell == 1)
                     break;
             }
-            take(p, codes, missing, dark, best_x, best_y - y0, best_y);
+            take(p, codes, missing, dark, best_x, best_y - y0, best_y, least);
         }
     }
     return 0;

@@ -21,6 +21,10 @@ typedef struct samples {
     int clip[RESPONSE_MAX_CHANNELS];    /* codes from here on are clipped: max_code until white.h says otherwise */
     uint16_t *z[RESPONSE_MAX_CHANNELS]; /* z[c][i*exposures + k]; max_code where clipped or missing */
     uint8_t *gone[RESPONSE_MAX_CHANNELS]; /* like z: not 0 where missing; NULL where nothing is */
+    uint8_t *out[RESPONSE_MAX_CHANNELS];  /* [i]: contradicts itself, nothing is learnt from it (contradict.h) */
+    uint32_t *at[RESPONSE_MAX_CHANNELS];  /* [i]: the pixel, y*width + x */
+    float *steep[RESPONSE_MAX_CHANNELS];  /* [i]: change of the code to the neighbours, over its mean */
+    int width, height, mosaic;            /* of the picture; each channel has pixels of its own */
     uint16_t *dark[RESPONSE_MAX_CHANNELS]; /* dark[c][i]: the dark frame's code there; or NULL */
 } samples;
 
