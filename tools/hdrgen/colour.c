@@ -2,8 +2,8 @@
  * colour.c - see colour.h.
  *
  * BT.709 to XYZ: IEC 61966-2-1, table.  ACEScg: AP1 primaries (.713, .293), (.165, .830), (.128, .044), white
- * (.32168, .33767) of Academy S-2014-004; the white goes from D65 to ACES's by the Bradford matrix (Lam 1985), as the
- * Academy's own transforms do.  The matrix is computed from the primaries, nothing is copied.
+ * (.32168, .33767) of Academy S-2014-004; the white goes from D65 to ACES's by the Bradford matrix (Lam
+ * 1985), as the Academy's own transforms do.  The matrix is computed from the primaries, nothing is copied.
  */
 #include "colour.h"
 
@@ -22,8 +22,7 @@ static void multiply(mat out, const mat a, const mat b)
 {
     mat r;
     for (int i = 0; i < 3; i++)
-        for (int k = 0; k < 3; k++)
-            r[i][k] = a[i][0] * b[0][k] + a[i][1] * b[1][k] + a[i][2] * b[2][k];
+        for (int k = 0; k < 3; k++) r[i][k] = a[i][0] * b[0][k] + a[i][1] * b[1][k] + a[i][2] * b[2][k];
     memcpy(out, r, sizeof r);
 }
 
@@ -39,8 +38,7 @@ static void invert(mat out, const mat a)
     }
     double det = a[0][0] * r[0][0] + a[0][1] * r[1][0] + a[0][2] * r[2][0];
     for (int i = 0; i < 3; i++)
-        for (int c = 0; c < 3; c++)
-            out[i][c] = r[i][c] / det;
+        for (int c = 0; c < 3; c++) out[i][c] = r[i][c] / det;
 }
 
 static void white_xyz(double w[3], const float p[8])
@@ -61,12 +59,11 @@ static void to_xyz(mat m, const float p[8])
         prim[1][c] = y;
         prim[2][c] = 1 - x - y;
     }
-    invert(inv, (const double (*)[3])prim);
+    invert(inv, (const double(*)[3])prim);
     white_xyz(w, p);
     for (int c = 0; c < 3; c++) {
         double s = inv[c][0] * w[0] + inv[c][1] * w[1] + inv[c][2] * w[2];
-        for (int i = 0; i < 3; i++)
-            m[i][c] = prim[i][c] * s;
+        for (int i = 0; i < 3; i++) m[i][c] = prim[i][c] * s;
     }
 }
 
@@ -82,11 +79,10 @@ static void adapt(mat m, const float from[8], const float to[8])
             x += bradford[i][c] * a[c];
             y += bradford[i][c] * b[c];
         }
-        for (int c = 0; c < 3; c++)
-            scaled[i][c] = bradford[i][c] * y / x;
+        for (int c = 0; c < 3; c++) scaled[i][c] = bradford[i][c] * y / x;
     }
     invert(inv, bradford);
-    multiply(m, (const double (*)[3])inv, (const double (*)[3])scaled);
+    multiply(m, (const double(*)[3])inv, (const double(*)[3])scaled);
 }
 
 /* Linear sRGB to `space`. */
@@ -95,14 +91,13 @@ static void from_srgb(mat m, colour_space space)
     mat a, b;
     memset(a, 0, sizeof a);
     a[0][0] = a[1][1] = a[2][2] = 1;
-    if (space == COLOUR_XYZ || space == COLOUR_ACESCG)
-        to_xyz(a, bt709);
+    if (space == COLOUR_XYZ || space == COLOUR_ACESCG) to_xyz(a, bt709);
     if (space == COLOUR_ACESCG) {
         adapt(b, bt709, ap1);
-        multiply(a, (const double (*)[3])b, (const double (*)[3])a);
+        multiply(a, (const double(*)[3])b, (const double(*)[3])a);
         to_xyz(b, ap1);
-        invert(b, (const double (*)[3])b);
-        multiply(a, (const double (*)[3])b, (const double (*)[3])a);
+        invert(b, (const double(*)[3])b);
+        multiply(a, (const double(*)[3])b, (const double(*)[3])a);
     }
     memcpy(m, a, sizeof a);
 }
@@ -110,8 +105,7 @@ static void from_srgb(mat m, colour_space space)
 void colour_matrix(double m[3][3], colour_space space, const double camera_to_srgb[3][3])
 {
     from_srgb(m, space);
-    if (space != COLOUR_CAMERA)
-        multiply(m, (const double (*)[3])m, camera_to_srgb);
+    if (space != COLOUR_CAMERA) multiply(m, (const double(*)[3])m, camera_to_srgb);
 }
 
 const float *colour_chromaticities(colour_space space)
@@ -121,18 +115,20 @@ const float *colour_chromaticities(colour_space space)
 
 const char *colour_name(colour_space space)
 {
-    return space == COLOUR_SRGB ? "srgb" : space == COLOUR_CAMERA ? "camera" : space == COLOUR_XYZ ? "xyz" :
-           space == COLOUR_ACESCG ? "acescg" : "as the images";
+    return space == COLOUR_SRGB     ? "srgb"
+           : space == COLOUR_CAMERA ? "camera"
+           : space == COLOUR_XYZ    ? "xyz"
+           : space == COLOUR_ACESCG ? "acescg"
+                                    : "as the images";
 }
 
 int colour_luminance(double weight[3], colour_space space)
 {
     static const double radiance[3] = {0.265, 0.670, 0.065};
     mat m;
-    if (space == COLOUR_CAMERA)
-        return -1;
+    if (space == COLOUR_CAMERA) return -1;
     from_srgb(m, space);
-    invert(m, (const double (*)[3])m);
+    invert(m, (const double(*)[3])m);
     for (int c = 0; c < 3; c++)
         weight[c] = radiance[0] * m[0][c] + radiance[1] * m[1][c] + radiance[2] * m[2][c];
     return 0;

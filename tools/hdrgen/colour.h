@@ -19,7 +19,8 @@ void colour_matrix(double m[3][3], colour_space space, const double camera_to_sr
 const float *colour_chromaticities(colour_space space);
 const char *colour_name(colour_space space);
 
-/* Weights of Radiance's luminance (.265 R + .670 G + .065 B of linear sRGB) in `space`; -1 where it can't be known. */
+/* Weights of Radiance's luminance (.265 R + .670 G + .065 B of linear sRGB) in `space`; -1 where it can't be
+ * known. */
 int colour_luminance(double weight[3], colour_space space);
 
 #endif

@@ -1,15 +1,17 @@
 /*
  * demosaic.c - see demosaic.h.
  *
- * Bayer: Malvar, He and Cutler, High-quality linear interpolation for demosaicing of Bayer-patterned color images,
- * ICASSP 2004, fig. 2: the bilinear value plus a share of the local curvature of the colour that is there,
+ * Bayer: Malvar, He and Cutler, High-quality linear interpolation for demosaicing of Bayer-patterned color
+ * images, ICASSP 2004, fig. 2: the bilinear value plus a share of the local curvature of the colour that is
+ * there,
  *
  *   green at red/blue    bilinear + 1/2 (own - mean of the 4 of its colour at distance 2)
  *   red/blue at green    bilinear + 5/8 (own - ...)
  *   red/blue opposite    bilinear + 3/4 (own - mean of the 4 of its colour at distance 2)
  *
- * held between the photosites that the bilinear value is made of.  Other patterns (X-Trans): green by the mean of its
- * neighbours weighted 1/d^2, the others by that mean of their differences from green, held likewise.
+ * held between the photosites that the bilinear value is made of.  Other patterns (X-Trans): green by the
+ * mean of its neighbours weighted 1/d^2, the others by that mean of their differences from green, held
+ * likewise.
  */
 #include "demosaic.h"
 
@@ -17,8 +19,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* The share counts less where the own colour curves much, not at all from a fifth of its mean on: beside lamps the held
- * value would add or lose light (up to 5 % of a lamp a few pixels wide), the bilinear one does neither. */
+/* The share counts less where the own colour curves much, not at all from a fifth of its mean on: beside
+ * lamps the held value would add or lose light (up to 5 % of a lamp a few pixels wide), the bilinear one does
+ * neither. */
 static const float lamp = 5;
 
 typedef struct plane {
@@ -37,21 +40,58 @@ typedef struct kernel {
     term t[11];
 } kernel;
 
-static const kernel green = {4, 9, {{-1, 0, .25f}, {1, 0, .25f}, {0, -1, .25f}, {0, 1, .25f}, {0, 0, .5f},
-                                    {-2, 0, -.125f}, {2, 0, -.125f}, {0, -2, -.125f}, {0, 2, -.125f}}};
-static const kernel across = {2, 11, {{-1, 0, .5f}, {1, 0, .5f}, {0, 0, .625f}, {-1, -1, -.125f}, {1, -1, -.125f},
-                                      {-1, 1, -.125f}, {1, 1, -.125f}, {-2, 0, -.125f}, {2, 0, -.125f},
-                                      {0, -2, .0625f}, {0, 2, .0625f}}};
-static const kernel along = {2, 11, {{0, -1, .5f}, {0, 1, .5f}, {0, 0, .625f}, {-1, -1, -.125f}, {1, -1, -.125f},
-                                     {-1, 1, -.125f}, {1, 1, -.125f}, {0, -2, -.125f}, {0, 2, -.125f},
-                                     {-2, 0, .0625f}, {2, 0, .0625f}}};
-static const kernel opposite = {4, 9, {{-1, -1, .25f}, {1, -1, .25f}, {-1, 1, .25f}, {1, 1, .25f}, {0, 0, .75f},
-                                       {-2, 0, -.1875f}, {2, 0, -.1875f}, {0, -2, -.1875f}, {0, 2, -.1875f}}};
+static const kernel green = {4,
+                             9,
+                             {{-1, 0, .25f},
+                              {1, 0, .25f},
+                              {0, -1, .25f},
+                              {0, 1, .25f},
+                              {0, 0, .5f},
+                              {-2, 0, -.125f},
+                              {2, 0, -.125f},
+                              {0, -2, -.125f},
+                              {0, 2, -.125f}}};
+static const kernel across = {2,
+                              11,
+                              {{-1, 0, .5f},
+                               {1, 0, .5f},
+                               {0, 0, .625f},
+                               {-1, -1, -.125f},
+                               {1, -1, -.125f},
+                               {-1, 1, -.125f},
+                               {1, 1, -.125f},
+                               {-2, 0, -.125f},
+                               {2, 0, -.125f},
+                               {0, -2, .0625f},
+                               {0, 2, .0625f}}};
+static const kernel along = {2,
+                             11,
+                             {{0, -1, .5f},
+                              {0, 1, .5f},
+                              {0, 0, .625f},
+                              {-1, -1, -.125f},
+                              {1, -1, -.125f},
+                              {-1, 1, -.125f},
+                              {1, 1, -.125f},
+                              {0, -2, -.125f},
+                              {0, 2, -.125f},
+                              {-2, 0, .0625f},
+                              {2, 0, .0625f}}};
+static const kernel opposite = {4,
+                                9,
+                                {{-1, -1, .25f},
+                                 {1, -1, .25f},
+                                 {-1, 1, .25f},
+                                 {1, 1, .25f},
+                                 {0, 0, .75f},
+                                 {-2, 0, -.1875f},
+                                 {2, 0, -.1875f},
+                                 {0, -2, -.1875f},
+                                 {0, 2, -.1875f}}};
 
 static inline int mirror(int i, int n)
 {
-    if (n == 1)
-        return 0;
+    if (n == 1) return 0;
     i = i < 0 ? -i : i;
     return i >= n ? 2 * (n - 1) - i : i;
 }
@@ -61,10 +101,12 @@ static inline size_t place(const plane *m, int x, int y)
     return (size_t)mirror(y, m->h) * (size_t)m->w + (size_t)mirror(x, m->w);
 }
 
-/* The curvature is that of another colour: where that is the stronger one (a coloured lamp), it counts by the ratio. */
+/* The curvature is that of another colour: where that is the stronger one (a coloured lamp), it counts by the
+ * ratio. */
 static void apply(float *v, float *sd, const kernel *k, const plane *m, int x, int y)
 {
-    float straight = 0, curve = 0, lo = INFINITY, hi = 0, own = 0, far = 0, near = 0, away = 0, var = 0, var_curve = 0;
+    float straight = 0, curve = 0, lo = INFINITY, hi = 0, own = 0, far = 0, near = 0, away = 0, var = 0,
+          var_curve = 0;
     for (int i = 0; i < k->n; i++) {
         const term *t = &k->t[i];
         size_t at = place(m, x + t->x, y + t->y);
@@ -94,8 +136,7 @@ static void apply(float *v, float *sd, const kernel *k, const plane *m, int x, i
     float sum = straight + ratio * curve;
     int held = sum < lo || sum > hi;
     *v = sum < lo ? lo : sum > hi ? hi : sum;
-    if (m->s)
-        *sd = sqrtf(held ? var : var + ratio * ratio * var_curve);
+    if (m->s) *sd = sqrtf(held ? var : var + ratio * ratio * var_curve);
 }
 
 static void bayer_row(float *rgb, float *rgb_sigma, const plane *m, const cfa *f, int y)
@@ -107,8 +148,7 @@ static void bayer_row(float *rgb, float *rgb_sigma, const plane *m, const cfa *f
             float *v = rgb + 3 * at + c, *sd = rgb_sigma ? rgb_sigma + 3 * at + c : NULL;
             if (c == own) {
                 *v = m->p[at];
-                if (sd)
-                    *sd = m->s[at];
+                if (sd) *sd = m->s[at];
                 continue;
             }
             apply(v, sd, c == 1 ? &green : own != 1 ? &opposite : beside == c ? &across : &along, m, x, y);
@@ -116,19 +156,20 @@ static void bayer_row(float *rgb, float *rgb_sigma, const plane *m, const cfa *f
     }
 }
 
-/* ---- any other pattern --------------------------------------------------------------------------------------- */
+/* ---- any other pattern
+ * --------------------------------------------------------------------------------------- */
 
 enum { REACH = 2 };
 
-/* Colour c at (x, y) from its photosites within REACH; base: green, which the difference is taken from, or NULL. */
+/* Colour c at (x, y) from its photosites within REACH; base: green, which the difference is taken from, or
+ * NULL. */
 static void around(float *v, float *sd, const plane *m, const cfa *f, const float *base, int c, int x, int y)
 {
     float sum = 0, var = 0, weight = 0, lo = INFINITY, hi = 0;
     for (int dy = -REACH; dy <= REACH; dy++)
         for (int dx = -REACH; dx <= REACH; dx++) {
             int xx = x + dx, yy = y + dy;
-            if (xx < 0 || yy < 0 || xx >= m->w || yy >= m->h || cfa_at(f, xx, yy) != c)
-                continue;
+            if (xx < 0 || yy < 0 || xx >= m->w || yy >= m->h || cfa_at(f, xx, yy) != c) continue;
             size_t at = (size_t)yy * (size_t)m->w + (size_t)xx;
             float w = 1 / (float)(dx * dx + dy * dy);
             sum += w * (m->p[at] - (base ? base[3 * at + 1] : 0));
@@ -144,8 +185,7 @@ static void around(float *v, float *sd, const plane *m, const cfa *f, const floa
         *v = sum / weight + (base ? base[3 * ((size_t)y * (size_t)m->w + (size_t)x) + 1] : 0);
     }
     *v = *v < lo ? lo : *v > hi ? hi : *v;
-    if (sd)
-        *sd = weight > 0 ? sqrtf(var) / weight : m->s[(size_t)y * (size_t)m->w + (size_t)x];
+    if (sd) *sd = weight > 0 ? sqrtf(var) / weight : m->s[(size_t)y * (size_t)m->w + (size_t)x];
 }
 
 static void other_row(float *rgb, float *rgb_sigma, const plane *m, const cfa *f, int y, int greens)
@@ -159,8 +199,7 @@ static void other_row(float *rgb, float *rgb_sigma, const plane *m, const cfa *f
                 continue;
             }
             *v = m->p[at];
-            if (sd)
-                *sd = m->s[at];
+            if (sd) *sd = m->s[at];
         }
     }
 }
@@ -181,8 +220,7 @@ int demosaic(float *rgb, float *rgb_sigma, const float *mosaic, const float *sig
     }
 #pragma omp parallel for schedule(static)
     for (int y = 0; y < height; y++)
-        if (!bayer)
-            other_row(rgb, rgb_sigma, &m, pattern, y, 0);
+        if (!bayer) other_row(rgb, rgb_sigma, &m, pattern, y, 0);
     return 0;
 }
 
@@ -203,8 +241,7 @@ void mosaic_half(float *rgb, float *rgb_sigma, const float *mosaic, const float 
             }
             for (size_t c = 0; c < 3; c++) {
                 rgb[out + c] = v[c];
-                if (rgb_sigma)
-                    rgb_sigma[out + c] = sqrtf(var[c]);
+                if (rgb_sigma) rgb_sigma[out + c] = sqrtf(var[c]);
             }
         }
 }

@@ -9,10 +9,10 @@
 #include "cfa.h"
 #include "errmsg.h"
 
-/* rgb (width*height*3) from the mosaic (width*height).  rgb_sigma and sigma: standard deviations, both or neither
- * NULL.  Borders are mirrored.  Light is kept: over all places of a lamp each colour's sum is 4 (Bayer) times that of its
- * photosites.  Nothing comes out brighter or darker than the nearest photosites of its colour, so that nothing becomes
- * negative beside a lamp. */
+/* rgb (width*height*3) from the mosaic (width*height).  rgb_sigma and sigma: standard deviations, both or
+ * neither NULL.  Borders are mirrored.  Light is kept: over all places of a lamp each colour's sum is 4
+ * (Bayer) times that of its photosites.  Nothing comes out brighter or darker than the nearest photosites of
+ * its colour, so that nothing becomes negative beside a lamp. */
 int demosaic(float *rgb, float *rgb_sigma, const float *mosaic, const float *sigma, int width, int height,
              const cfa *pattern, errmsg *e);
 

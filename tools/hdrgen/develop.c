@@ -2,8 +2,9 @@
  * develop.c - see develop.h.
  *
  * Camera raw is merged as the sensor saw it; here, once and for the whole series, values s of a pixel become
- * M B s: B the white balance (least multiplier 1, so that 1 is where the first channel clips), M from balanced sensor
- * values to the colour space (rows add up to that space's white).  Variances go through the squares of M B.
+ * M B s: B the white balance (least multiplier 1, so that 1 is where the first channel clips), M from
+ * balanced sensor values to the colour space (rows add up to that space's white).  Variances go through the
+ * squares of M B.
  */
 #include "develop.h"
 
@@ -16,16 +17,17 @@
 
 static const double same_balance = 0.005; /* multipliers are equal up to this */
 
-/* ---- white balance --------------------------------------------------------------------------------------- */
+/* ---- white balance ---------------------------------------------------------------------------------------
+ */
 
-/* The middle exposure's, which has seen most of the scene well; where it states none, the nearest one's that does. */
+/* The middle exposure's, which has seen most of the scene well; where it states none, the nearest one's that
+ * does. */
 static int whose_balance(const job *j)
 {
     for (int d = 0; d < j->n; d++)
         for (int side = -1; side <= 1; side += 2) {
             int k = j->n / 2 + side * d;
-            if (k >= 0 && k < j->n && frames_sensor(j->frames, k)->balance[0] > 0)
-                return k;
+            if (k >= 0 && k < j->n && frames_sensor(j->frames, k)->balance[0] > 0) return k;
         }
     return -1;
 }
@@ -47,7 +49,8 @@ int develop_settle(job *j, errmsg *e)
     }
     d->camera = first->camera;
     d->balance_from = whose_balance(j);
-    const double *b = d->balance_from >= 0 ? frames_sensor(j->frames, d->balance_from)->balance : first->daylight;
+    const double *b =
+        d->balance_from >= 0 ? frames_sensor(j->frames, d->balance_from)->balance : first->daylight;
     d->daylight = d->balance_from < 0 && first->daylight[0] > 0;
     memcpy(d->balance, b[0] > 0 ? b : none, sizeof d->balance);
     for (int k = 0; k < j->n; k++)
@@ -59,16 +62,18 @@ int develop_settle(job *j, errmsg *e)
     if (j->opts.colour == COLOUR_DEFAULT)
         j->opts.colour = first->has_matrix ? COLOUR_SRGB : COLOUR_CAMERA;
     else if (!first->has_matrix && j->opts.colour != COLOUR_CAMERA)
-        return err_set(e, "%s: expected a camera whose colour matrix is known, found %s: give --colour camera", j->shots[0].path,
-                       first->camera);
+        return err_set(e,
+                       "%s: expected a camera whose colour matrix is known, found %s: give --colour camera",
+                       j->shots[0].path, first->camera);
     d->no_matrix = !first->has_matrix;
     return 0;
 }
 
-/* ---- mosaic to picture ------------------------------------------------------------------------------------- */
+/* ---- mosaic to picture
+ * ------------------------------------------------------------------------------------- */
 
-/* What a pixel's photosites were, its colours being made of those around it: any flag, least count.  *whole: all of
- * them were clipped in every exposure. */
+/* What a pixel's photosites were, its colours being made of those around it: any flag, least count.  *whole:
+ * all of them were clipped in every exposure. */
 static uint8_t gather(uint8_t *count, int *whole, const job *j, int w, int h, int x0, int x1, int y0, int y1)
 {
     uint8_t any = 0, least = 255;
@@ -78,8 +83,7 @@ static uint8_t gather(uint8_t *count, int *whole, const job *j, int w, int h, in
             size_t at = (size_t)y * (size_t)w + (size_t)x;
             any |= j->flags[at];
             *whole &= (j->flags[at] & MERGE_CLIPPED) != 0;
-            if (j->count && j->count[at] < least)
-                least = j->count[at];
+            if (j->count && j->count[at] < least) least = j->count[at];
         }
     *count = least;
     return any;
@@ -106,8 +110,7 @@ static int gather_flags(job *j, int w, int h, errmsg *e)
             flags[at] = half ? gather(&least, &whole, j, w, h, 2 * x, 2 * x + 1, 2 * y, 2 * y + 1)
                              : gather(&least, &whole, j, w, h, x - 1, x + 1, y - 1, y + 1);
             flags[at] |= whole ? ALL_CLIPPED : 0;
-            if (count)
-                count[at] = least;
+            if (count) count[at] = least;
         }
     free(j->flags);
     free(j->count);
@@ -122,8 +125,7 @@ static int to_colours(job *j, errmsg *e)
     int ow = half ? w / 2 : w, oh = half ? h / 2 : h;
     img rgb;
     float *sigma = NULL;
-    if (gather_flags(j, w, h, e) || img_alloc(&rgb, ow, oh, 3, e))
-        return -1;
+    if (gather_flags(j, w, h, e) || img_alloc(&rgb, ow, oh, 3, e)) return -1;
     if (j->sigma) {
         sigma = malloc((size_t)ow * (size_t)oh * 3 * sizeof *sigma);
         if (!sigma) {
@@ -143,7 +145,8 @@ static int to_colours(job *j, errmsg *e)
     return bad;
 }
 
-/* ---- sensor values to colours --------------------------------------------------------------------------------- */
+/* ---- sensor values to colours
+ * --------------------------------------------------------------------------------- */
 
 /* Where every channel is clipped in every exposure nothing is known of the colour: the brightest white that
  * is no more than any channel's bound. */
@@ -168,13 +171,13 @@ static void balance_and_matrix(job *j)
             v[c] = (float)(p[c] * b[c]);
             sd[c] = s ? s[c] * b[c] : 0;
         }
-        if (j->flags[i] & ALL_CLIPPED)
-            whiten(v);
+        if (j->flags[i] & ALL_CLIPPED) whiten(v);
         j->flags[i] &= (uint8_t)~ALL_CLIPPED;
         for (int r = 0; r < 3; r++) {
             p[r] = (float)(m[r][0] * v[0] + m[r][1] * v[1] + m[r][2] * v[2]);
             if (s)
-                s[r] = (float)sqrt(pow(m[r][0] * sd[0], 2) + pow(m[r][1] * sd[1], 2) + pow(m[r][2] * sd[2], 2));
+                s[r] =
+                    (float)sqrt(pow(m[r][0] * sd[0], 2) + pow(m[r][1] * sd[1], 2) + pow(m[r][2] * sd[2], 2));
         }
         float most = fmaxf(p[0], fmaxf(p[1], p[2])), least = fminf(p[0], fminf(p[1], p[2]));
         outside += least < -0.05f * most && !(j->flags[i] & (MERGE_BLACK | MERGE_MISSING));
@@ -184,8 +187,7 @@ static void balance_and_matrix(job *j)
 
 int job_develop(job *j, errmsg *e)
 {
-    if (j->mosaic && to_colours(j, e))
-        return -1;
+    if (j->mosaic && to_colours(j, e)) return -1;
     if (j->facts.develop.camera)
         balance_and_matrix(j);
     else

@@ -9,8 +9,8 @@
 /* Which of the series' white balances counts, and what there is to say about it; before the merge. */
 int develop_settle(job *j, errmsg *e);
 
-/* In place on j's radiance, sigma, count and flags: colours of a mosaic, white balance and matrix of camera raw, the
- * turn that the first image's orientation tag asks for. */
+/* In place on j's radiance, sigma, count and flags: colours of a mosaic, white balance and matrix of camera
+ * raw, the turn that the first image's orientation tag asks for. */
 int job_develop(job *j, errmsg *e);
 
 #endif

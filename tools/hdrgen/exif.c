@@ -1,7 +1,7 @@
 /*
- * exif.c - see exif.h.  Exif 2.3, section 4.6.5: ExposureTime 0x829A, else 2^-ShutterSpeedValue 0x9201; FNumber 0x829D,
- * else 2^(ApertureValue/2) 0x9202 (both APEX); PhotographicSensitivity 0x8827, which has 16 bits: where it says 65535 or
- * nothing, SensitivityType 0x8830 says which of 0x8831, 0x8832, 0x8833 counts.
+ * exif.c - see exif.h.  Exif 2.3, section 4.6.5: ExposureTime 0x829A, else 2^-ShutterSpeedValue 0x9201;
+ * FNumber 0x829D, else 2^(ApertureValue/2) 0x9202 (both APEX); PhotographicSensitivity 0x8827, which has 16
+ * bits: where it says 65535 or nothing, SensitivityType 0x8830 says which of 0x8831, 0x8832, 0x8833 counts.
  */
 #include "exif.h"
 
@@ -30,10 +30,10 @@ static double plausible(double v)
 
 static double iso_of(const stated *s)
 {
-    double by_type[8] = {NAN, s->standard, s->recommended, s->speed, s->recommended, s->speed, s->recommended, s->recommended};
+    double by_type[8] = {NAN,      s->standard,    s->recommended, s->speed, s->recommended,
+                         s->speed, s->recommended, s->recommended};
     double iso = plausible(s->iso);
-    if (iso > 0 && iso < ISO_FULL)
-        return iso;
+    if (iso > 0 && iso < ISO_FULL) return iso;
     if (s->type >= 1 && s->type <= 7 && plausible(by_type[(int)s->type]) > 0)
         return plausible(by_type[(int)s->type]);
     double other = plausible(s->recommended);
@@ -45,21 +45,21 @@ static double iso_of(const stated *s)
 static exif_facts settle(const stated *s)
 {
     exif_facts f = {plausible(s->time), plausible(s->f_number), iso_of(s)};
-    if (!(f.exposure_s > 0))
-        f.exposure_s = plausible(exp2(-s->shutter_apex));
-    if (!(f.f_number > 0) && s->aperture_apex > 0) /* 0 is f/1, and what cameras write that don't know the lens */
+    if (!(f.exposure_s > 0)) f.exposure_s = plausible(exp2(-s->shutter_apex));
+    if (!(f.f_number > 0) &&
+        s->aperture_apex > 0) /* 0 is f/1, and what cameras write that don't know the lens */
         f.f_number = plausible(exp2(s->aperture_apex / 2));
     return f;
 }
 
-/* ---- libexif --------------------------------------------------------------------------------------------- */
+/* ---- libexif ---------------------------------------------------------------------------------------------
+ */
 
 static double number(ExifData *d, unsigned tag)
 {
     ExifEntry *x = exif_data_get_entry(d, (ExifTag)tag);
     ExifByteOrder order = exif_data_get_byte_order(d);
-    if (!x || !x->data || x->components < 1)
-        return NAN;
+    if (!x || !x->data || x->components < 1) return NAN;
     if (x->format == EXIF_FORMAT_RATIONAL && x->size >= 8) {
         ExifRational r = exif_get_rational(x->data, order);
         return r.denominator ? (double)r.numerator / r.denominator : NAN;
@@ -68,10 +68,8 @@ static double number(ExifData *d, unsigned tag)
         ExifSRational r = exif_get_srational(x->data, order);
         return r.denominator ? (double)r.numerator / r.denominator : NAN;
     }
-    if (x->format == EXIF_FORMAT_SHORT && x->size >= 2)
-        return exif_get_short(x->data, order);
-    if (x->format == EXIF_FORMAT_LONG && x->size >= 4)
-        return exif_get_long(x->data, order);
+    if (x->format == EXIF_FORMAT_SHORT && x->size >= 2) return exif_get_short(x->data, order);
+    if (x->format == EXIF_FORMAT_LONG && x->size >= 4) return exif_get_long(x->data, order);
     return NAN;
 }
 
@@ -80,8 +78,7 @@ static stated from_block(const unsigned char *block, unsigned n)
 {
     stated s = nothing;
     ExifData *d = exif_data_new();
-    if (!d)
-        return s;
+    if (!d) return s;
     exif_data_unset_option(d, EXIF_DATA_OPTION_FOLLOW_SPECIFICATION); /* it would fill in what is missing */
     exif_data_load_data(d, block, n);
     s.time = number(d, 0x829A);
@@ -100,8 +97,7 @@ static stated from_block(const unsigned char *block, unsigned n)
 static unsigned big_endian(const unsigned char *p, int bytes)
 {
     unsigned v = 0;
-    for (int i = 0; i < bytes; i++)
-        v = v << 8 | p[i];
+    for (int i = 0; i < bytes; i++) v = v << 8 | p[i];
     return v;
 }
 
@@ -114,12 +110,10 @@ static stated from_jpeg(FILE *in)
     while (block && fread(head, 1, 4, in) == 4 && head[0] == 0xff && head[1] != SOS) {
         unsigned n = big_endian(head + 2, 2);
         if (head[1] == 0xff) { /* fill byte */
-            if (fseek(in, -3, SEEK_CUR))
-                break;
+            if (fseek(in, -3, SEEK_CUR)) break;
             continue;
         }
-        if (n < 2 || fread(block, 1, n - 2, in) != n - 2)
-            break;
+        if (n < 2 || fread(block, 1, n - 2, in) != n - 2) break;
         if (head[1] == APP1 && n - 2 > 6 && memcmp(block, "Exif\0\0", 6) == 0) {
             s = from_block(block, n - 2);
             break;
@@ -145,13 +139,13 @@ static stated from_png(FILE *in)
             free(block);
             break;
         }
-        if (memcmp(head + 4, "IEND", 4) == 0 || n > INT32_MAX || fseek(in, (long)n + 4, SEEK_CUR))
-            break;
+        if (memcmp(head + 4, "IEND", 4) == 0 || n > INT32_MAX || fseek(in, (long)n + 4, SEEK_CUR)) break;
     }
     return s;
 }
 
-/* ---- libtiff --------------------------------------------------------------------------------------------- */
+/* ---- libtiff ---------------------------------------------------------------------------------------------
+ */
 
 static double first_of(const void *data, TIFFDataType type)
 {
@@ -183,8 +177,7 @@ static double first_of(const void *data, TIFFDataType type)
 static double tiff_number(TIFF *t, uint32_t tag)
 {
     const TIFFField *field = TIFFFieldWithTag(t, tag);
-    if (!field)
-        return NAN;
+    if (!field) return NAN;
     TIFFDataType type = TIFFFieldDataType(field);
     if (TIFFFieldPassCount(field)) {
         uint16_t few = 0;
@@ -200,21 +193,20 @@ static double tiff_number(TIFF *t, uint32_t tag)
         uint16_t h;
         uint32_t l;
     } v = {.d = 0};
-    if (TIFFFieldReadCount(field) != 1 || !TIFFGetField(t, tag, &v))
-        return NAN;
-    if ((type == TIFF_RATIONAL || type == TIFF_SRATIONAL) && TIFFFieldSetGetSize(field) == (int)sizeof(double))
+    if (TIFFFieldReadCount(field) != 1 || !TIFFGetField(t, tag, &v)) return NAN;
+    if ((type == TIFF_RATIONAL || type == TIFF_SRATIONAL) &&
+        TIFFFieldSetGetSize(field) == (int)sizeof(double))
         return v.d;
     return first_of(&v, type);
 }
 
 static void tiff_directory(stated *s, TIFF *t)
 {
-    double *const to[] = {&s->time, &s->shutter_apex, &s->f_number, &s->aperture_apex, &s->iso, &s->type, &s->standard,
-                          &s->recommended, &s->speed};
+    double *const to[] = {&s->time, &s->shutter_apex, &s->f_number,    &s->aperture_apex, &s->iso,
+                          &s->type, &s->standard,     &s->recommended, &s->speed};
     static const uint32_t tags[] = {33434, 37377, 33437, 37378, 34855, 34864, 34865, 34866, 34867};
     for (size_t i = 0; i < sizeof tags / sizeof *tags; i++)
-        if (isnan(*to[i]))
-            *to[i] = tiff_number(t, tags[i]);
+        if (isnan(*to[i])) *to[i] = tiff_number(t, tags[i]);
 }
 
 static stated from_tiff(const char *path)
@@ -224,17 +216,14 @@ static stated from_tiff(const char *path)
     TIFFSetErrorHandler(NULL);
     TIFFSetWarningHandler(NULL);
     TIFF *t = TIFFOpen(path, "r");
-    if (!t)
-        return s;
+    if (!t) return s;
     int has = TIFFGetField(t, TIFFTAG_EXIFIFD, &at);
     tiff_directory(&s, t); /* TIFF/EP has them here; EXIF's own directory counts more */
     if (has) {
         stated own = nothing;
-        if (TIFFReadEXIFDirectory(t, at))
-            tiff_directory(&own, t);
+        if (TIFFReadEXIFDirectory(t, at)) tiff_directory(&own, t);
         double *a = (double *)&own, *b = (double *)&s;
-        for (size_t i = 0; i < sizeof s / sizeof(double); i++)
-            b[i] = isnan(a[i]) ? b[i] : a[i];
+        for (size_t i = 0; i < sizeof s / sizeof(double); i++) b[i] = isnan(a[i]) ? b[i] : a[i];
     }
     TIFFClose(t);
     return s;
@@ -245,16 +234,15 @@ exif_facts exif_read(const char *path)
     stated s = nothing;
     unsigned char head[8] = {0};
     FILE *in = fopen(path, "rb");
-    if (!in)
-        return settle(&s);
+    if (!in) return settle(&s);
     size_t n = fread(head, 1, sizeof head, in);
     if (n == 8 && memcmp(head, "\x89PNG\r\n\x1a\n", 8) == 0)
         s = from_png(in);
     else if (n >= 4 && head[0] == 0xff && head[1] == 0xd8 && fseek(in, 2, SEEK_SET) == 0)
         s = from_jpeg(in);
     fclose(in);
-    if (n >= 4 && (memcmp(head, "II*\0", 4) == 0 || memcmp(head, "MM\0*", 4) == 0 || memcmp(head, "II+\0", 4) == 0 ||
-                   memcmp(head, "MM\0+", 4) == 0))
+    if (n >= 4 && (memcmp(head, "II*\0", 4) == 0 || memcmp(head, "MM\0*", 4) == 0 ||
+                   memcmp(head, "II+\0", 4) == 0 || memcmp(head, "MM\0+", 4) == 0))
         s = from_tiff(path);
     return settle(&s);
 }

@@ -1,7 +1,7 @@
 /*
  * sensor.c - see sensor.h.  LibRaw unpacks; its black level of photosite (x, y) of colour c is
- * black + cblack[c] + cblack[6 + (y % rows) * columns + x % columns] with rows, columns = cblack[4], cblack[5]
- * (LibRaw's documentation of libraw_colordata_t).
+ * black + cblack[c] + cblack[6 + (y % rows) * columns + x % columns] with rows, columns = cblack[4],
+ * cblack[5] (LibRaw's documentation of libraw_colordata_t).
  */
 #include "sensor.h"
 
@@ -39,8 +39,11 @@ static libraw_data_t *begin(const char *path, int *broken, errmsg *e)
         return NULL;
     }
     *broken = 0;
-    libraw_set_dataerror_handler(raw, _Generic((data_callback)0, void (*)(void *, const char *, const int): damaged,
-                                               default: damaged_64), broken);
+    libraw_set_dataerror_handler(raw,
+                                 _Generic((data_callback)0, void (*)(void *, const char *, const int)
+                                          : damaged, default
+                                          : damaged_64),
+                                 broken);
     raw->params.use_camera_wb = 1; /* the file's own matrix counts only with it */
     int rc = libraw_open_file(raw, path);
     if (rc != LIBRAW_SUCCESS) {
@@ -51,7 +54,8 @@ static libraw_data_t *begin(const char *path, int *broken, errmsg *e)
     return raw;
 }
 
-/* LibRaw's turn (bits 1 mirrored left to right, 2 top to bottom, 4 rows are columns; or degrees) in EXIF's numbers. */
+/* LibRaw's turn (bits 1 mirrored left to right, 2 top to bottom, 4 rows are columns; or degrees) in EXIF's
+ * numbers. */
 static int orientation(int flip)
 {
     static const int exif[8] = {1, 2, 4, 3, 5, 8, 6, 7};
@@ -68,10 +72,8 @@ static double fact(float v)
 static void multipliers(double to[3], const float from[4])
 {
     double least = INFINITY;
-    for (int c = 0; c < 3; c++)
-        least = fmin(least, fact(from[c]));
-    for (int c = 0; c < 3; c++)
-        to[c] = least > 1e-5 ? (double)from[c] / least : 0;
+    for (int c = 0; c < 3; c++) least = fmin(least, fact(from[c]));
+    for (int c = 0; c < 3; c++) to[c] = least > 1e-5 ? (double)from[c] / least : 0;
 }
 
 static void take_matrix(sensor_facts *f, const libraw_data_t *raw)
@@ -86,13 +88,11 @@ static void take_matrix(sensor_facts *f, const libraw_data_t *raw)
             most = fmax(most, fabs(f->matrix[i][c]));
         }
         f->has_matrix &= isfinite(sum) && fabs(sum - 1) < 0.01;
-        for (int c = 0; c < 3; c++)
-            f->matrix[i][c] /= sum; /* 0.99999 of single precision: grey stays grey */
+        for (int c = 0; c < 3; c++) f->matrix[i][c] /= sum; /* 0.99999 of single precision: grey stays grey */
     }
     f->has_matrix &= most < 100;
     for (int i = 0; i < 3 && !f->has_matrix; i++)
-        for (int c = 0; c < 3; c++)
-            f->matrix[i][c] = i == c;
+        for (int c = 0; c < 3; c++) f->matrix[i][c] = i == c;
 }
 
 /* Size of the repeating pattern, and its colours; the second green is green. */
@@ -105,8 +105,7 @@ static int take_mosaic(sensor_facts *f, libraw_data_t *raw, const char *path, er
     for (int y = 0; y < m->rows; y++)
         for (int x = 0; x < m->columns; x++) {
             int c = libraw_COLOR(raw, y, x);
-            if (c == 3 && raw->idata.cdesc[3] == 'G')
-                c = 1;
+            if (c == 3 && raw->idata.cdesc[3] == 'G') c = 1;
             if (c < 0 || c > 2)
                 return err_set(e, "%s: expected a sensor of red, green and blue, found colours %.4s", path,
                                raw->idata.cdesc);
@@ -114,10 +113,8 @@ static int take_mosaic(sensor_facts *f, libraw_data_t *raw, const char *path, er
         }
     if (filters > FIRST_PATTERN) { /* eight rows are stored, few sensors use more than two */
         int same = 1;
-        for (int i = 4; i < 16; i++)
-            same &= m->colour[i] == m->colour[i - 4];
-        if (same)
-            m->rows = 2;
+        for (int i = 4; i < 16; i++) same &= m->colour[i] == m->colour[i - 4];
+        if (same) m->rows = 2;
     }
     return 0;
 }
@@ -134,13 +131,18 @@ static int take_facts(sensor_facts *f, libraw_data_t *raw, const char *path, err
     f->f_number = fact(raw->other.aperture);
     f->iso = fact(raw->other.iso_speed);
     if (f->width < 2 || f->height < 2)
-        return err_set(e, "%s: expected a raw picture of 2x2 pixels or more, found %dx%d", path, f->width, f->height);
+        return err_set(e, "%s: expected a raw picture of 2x2 pixels or more, found %dx%d", path, f->width,
+                       f->height);
     if (raw->rawdata.ioparams.fuji_width || strstr(raw->idata.model, "SuperCCD"))
-        return err_set(e, "%s: expected a sensor with upright rows, found one set at 45 degrees (%s): develop the series as "
-                       "16 bit linear TIFF first", path, f->camera);
+        return err_set(e,
+                       "%s: expected a sensor with upright rows, found one set at 45 degrees (%s): develop "
+                       "the series as "
+                       "16 bit linear TIFF first",
+                       path, f->camera);
     if (fabs(f->aspect - 1) > square)
-        return err_set(e, "%s: expected square pixels, found %g:1 (%s): develop the series as 16 bit linear TIFF first",
-                       path, f->aspect, f->camera);
+        return err_set(
+            e, "%s: expected square pixels, found %g:1 (%s): develop the series as 16 bit linear TIFF first",
+            path, f->aspect, f->camera);
     if (raw->idata.colors != 1 && raw->idata.colors != 3)
         return err_set(e, "%s: expected a sensor of red, green and blue, found %d colours (%.4s, %s)", path,
                        raw->idata.colors, raw->idata.cdesc, f->camera);
@@ -148,8 +150,7 @@ static int take_facts(sensor_facts *f, libraw_data_t *raw, const char *path, err
         f->channels = 3;
     else
         f->channels = 1;
-    if (f->channels == 1 && raw->idata.colors == 3 && take_mosaic(f, raw, path, e))
-        return -1;
+    if (f->channels == 1 && raw->idata.colors == 3 && take_mosaic(f, raw, path, e)) return -1;
     multipliers(f->balance, raw->color.cam_mul);
     multipliers(f->daylight, raw->color.pre_mul);
     take_matrix(f, raw);
@@ -160,14 +161,14 @@ int sensor_probe(sensor_facts *f, const char *path, errmsg *e)
 {
     int broken;
     libraw_data_t *raw = begin(path, &broken, e);
-    if (!raw)
-        return -1;
+    if (!raw) return -1;
     int rc = take_facts(f, raw, path, e);
     libraw_close(raw);
     return rc;
 }
 
-/* ---- values ---------------------------------------------------------------------------------------------- */
+/* ---- values ----------------------------------------------------------------------------------------------
+ */
 
 typedef struct levels {
     const unsigned *cblack;
@@ -187,9 +188,10 @@ static levels levels_of(const libraw_data_t *raw)
         l.white[i] = (long)c->maximum;
         long stated = (long)c->dng_levels.dng_whitelevel[i];
         int by_colour = stated > l.white[i] / 2 && stated < l.white[i];
-        int less_black = stated == l.white[i] + l.black; /* LibRaw takes it off linear DNGs' white level, not off their values */
-        if (raw->idata.dng_version && (by_colour || less_black))
-            l.white[i] = stated;
+        int less_black =
+            stated ==
+            l.white[i] + l.black; /* LibRaw takes it off linear DNGs' white level, not off their values */
+        if (raw->idata.dng_version && (by_colour || less_black)) l.white[i] = stated;
     }
     return l;
 }
@@ -197,8 +199,7 @@ static levels levels_of(const libraw_data_t *raw)
 static inline long black_at(const levels *l, int colour, int x, int y)
 {
     long b = l->black + (long)l->cblack[colour];
-    if (l->columns)
-        b += (long)l->cblack[PATTERN_AT + y % l->rows * l->columns + x % l->columns];
+    if (l->columns) b += (long)l->cblack[PATTERN_AT + y % l->rows * l->columns + x % l->columns];
     return b;
 }
 
@@ -208,10 +209,8 @@ static inline unsigned stored(const libraw_data_t *raw, int x, int y, int c)
     const libraw_rawdata_t *d = &raw->rawdata;
     const libraw_image_sizes_t *s = &raw->sizes;
     size_t row = (size_t)(y + s->top_margin), col = (size_t)(x + s->left_margin);
-    if (d->raw_image)
-        return d->raw_image[row * (s->raw_pitch / 2) + col];
-    if (d->color3_image)
-        return d->color3_image[row * (s->raw_pitch / 6) + col][c];
+    if (d->raw_image) return d->raw_image[row * (s->raw_pitch / 2) + col];
+    if (d->color3_image) return d->color3_image[row * (s->raw_pitch / 6) + col][c];
     return d->color4_image[row * (s->raw_pitch / 8) + col][c];
 }
 
@@ -226,10 +225,8 @@ static int has_values(const sensor_facts *f, const libraw_data_t *raw)
 static void note_levels(sensor_facts *f, const levels *l, int colour, int filter, int x, int y)
 {
     long black = black_at(l, filter, x, y), clip = l->white[filter] - black;
-    if (f->clip[colour] == 0 || clip < f->clip[colour])
-        f->clip[colour] = (int)clip;
-    if (f->black[colour] < 0 || black < f->black[colour])
-        f->black[colour] = (int)black;
+    if (f->clip[colour] == 0 || clip < f->clip[colour]) f->clip[colour] = (int)clip;
+    if (f->black[colour] < 0 || black < f->black[colour]) f->black[colour] = (int)black;
 }
 
 static int copy_values(uint16_t *to, sensor_facts *f, libraw_data_t *raw, const char *path, errmsg *e)
@@ -250,14 +247,13 @@ static int copy_values(uint16_t *to, sensor_facts *f, libraw_data_t *raw, const 
                 int filter = f->channels == 3 ? k : grey ? 0 : filter_at[y % rows * columns + x % columns];
                 int colour = filter == 3 ? 1 : filter;
                 long v = (long)stored(raw, x, y, k), black = black_at(&l, filter, x, y);
-                if (x < period_x && y < period_y)
-                    note_levels(f, &l, colour, filter, x, y);
+                if (x < period_x && y < period_y) note_levels(f, &l, colour, filter, x, y);
                 *to = (uint16_t)(v >= l.white[filter] ? SENSOR_CLIPPED : v > black ? v - black : 0);
             }
     for (int c = 0; c < (grey ? 1 : 3); c++)
         if (f->clip[c] < 3)
-            return err_set(e, "%s: expected a white level above black, found white %ld, black %d", path, l.white[c],
-                           f->black[c]);
+            return err_set(e, "%s: expected a white level above black, found white %ld, black %d", path,
+                           l.white[c], f->black[c]);
     return 0;
 }
 
@@ -267,22 +263,21 @@ int sensor_read(uint16_t **values, sensor_facts *f, const char *path, errmsg *e)
     sensor_facts now;
     uint16_t *v = NULL;
     libraw_data_t *raw = begin(path, &broken, e);
-    if (!raw)
-        return -1;
+    if (!raw) return -1;
     int rc = libraw_unpack(raw);
     if (rc != LIBRAW_SUCCESS || broken) {
         err_set(e, "%s: broken camera raw file: %s", path, libraw_strerror(broken ? LIBRAW_DATA_ERROR : rc));
         goto done;
     }
-    if (take_facts(&now, raw, path, e))
-        goto done;
+    if (take_facts(&now, raw, path, e)) goto done;
     if (now.width != f->width || now.height != f->height || now.channels != f->channels) {
-        err_set(e, "%s: expected %dx%d pixels of %d value(s) as its header says, found %dx%d of %d", path, f->width,
-                f->height, f->channels, now.width, now.height, now.channels);
+        err_set(e, "%s: expected %dx%d pixels of %d value(s) as its header says, found %dx%d of %d", path,
+                f->width, f->height, f->channels, now.width, now.height, now.channels);
         goto done;
     }
     if (!has_values(&now, raw)) {
-        err_set(e, "%s: expected the values of a sensor (%s), found a layout that isn't known", path, now.camera);
+        err_set(e, "%s: expected the values of a sensor (%s), found a layout that isn't known", path,
+                now.camera);
         goto done;
     }
     v = malloc((size_t)now.width * (size_t)now.height * (size_t)now.channels * sizeof *v);
@@ -290,8 +285,7 @@ int sensor_read(uint16_t **values, sensor_facts *f, const char *path, errmsg *e)
         err_set(e, "%s: out of memory", path);
         goto done;
     }
-    if (copy_values(v, &now, raw, path, e))
-        goto done;
+    if (copy_values(v, &now, raw, path, e)) goto done;
     *f = now;
     *values = v;
     v = NULL;
