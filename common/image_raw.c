@@ -2,10 +2,11 @@
  * image_raw.c - camera raw through LibRaw: demosaiced, the picture's own white balance as shot, linear, sRGB
  * primaries; 1 is where the first channel clips (its multiplier is 1).
  *
- * LibRaw gives balanced sensor values, not clipped (its `highlight` 1: the largest multiplier is 1, the sensor's white
- * is 65535 times a channel's); the matrix is applied here, so that colours beyond sRGB's stay what they are (negative), and
- * light that the sensor held is not cut at 1.  Where a channel is clipped nothing is known beyond it: no channel is
- * more than 1 there, so that such pixels are white, as LibRaw makes them, and that is said.
+ * LibRaw gives balanced sensor values, not clipped (its `highlight` 1: the largest multiplier is 1, the
+ * sensor's white is 65535 times a channel's); the matrix is applied here, so that colours beyond sRGB's stay
+ * what they are (negative), and light that the sensor held is not cut at 1.  Where a channel is clipped
+ * nothing is known beyond it: no channel is more than 1 there, so that such pixels are white, as LibRaw makes
+ * them, and that is said.
  *
  * Whatever LibRaw would adapt to the picture's content (brightness, maximum, white balance from
  * the picture) is off, so that the pictures of an exposure series stay proportional to each other.
@@ -154,7 +155,8 @@ static int raw_open(img_reader *r, errmsg *e)
     p->adjust_maximum_thr = 0;
     p->highlight = 1; /* don't clip */
     int rc = libraw_open_buffer(s->raw, s->file, size);
-    const libraw_colordata_t *c = &s->raw->color; /* of linear DNGs black is taken off white, but not off the values: undone */
+    const libraw_colordata_t *c =
+        &s->raw->color; /* of linear DNGs black is taken off white, but not off the values: undone */
     if (s->raw->idata.dng_version && c->black && c->dng_levels.dng_whitelevel[0] == c->maximum + c->black)
         p->user_sat = (int)c->maximum; /* black is off this one */
     r->info.orientation = orientation_of(s->raw->sizes.flip);
@@ -197,7 +199,8 @@ static int colours(img_reader *r, raw_state *s, errmsg *e)
     for (int i = 0; i < 9 && !has_matrix; i++) s->matrix[i / 3][i % 3] = i % 4 == 0;
     if (s->image->colors == 3)
         remark(r->path, "camera raw developed by itself: %s%s",
-               c->cam_mul[0] > 0 && c->cam_mul[2] > 0 ? "white balance as this picture was shot" : "daylight's white balance, as none is stated",
+               c->cam_mul[0] > 0 && c->cam_mul[2] > 0 ? "white balance as this picture was shot"
+                                                      : "daylight's white balance, as none is stated",
                has_matrix ? "" : ", colours as the camera's, as its matrix is unknown");
     return 0;
 }
@@ -238,11 +241,12 @@ static int raw_row(img_reader *r, float *row, errmsg *e)
         for (int c = 0; c < 3 && clipped; c++) v[c] = fmin(v[c], 1);
         s->clipped += clipped;
         for (size_t c = 0; c < 3; c++)
-            row[3 * x + c] = (float)(s->matrix[c][0] * v[0] + s->matrix[c][1] * v[1] + s->matrix[c][2] * v[2]);
+            row[3 * x + c] =
+                (float)(s->matrix[c][0] * v[0] + s->matrix[c][1] * v[1] + s->matrix[c][2] * v[2]);
     }
     if (r->y + 1 == r->info.height && s->clipped)
-        remark(r->path, "%lld pixels (%.3g %%) clipped in the sensor: they are at least as bright as given", (long long)s->clipped,
-               100.0 * (double)s->clipped / ((double)r->info.width * r->info.height));
+        remark(r->path, "%lld pixels (%.3g %%) clipped in the sensor: they are at least as bright as given",
+               (long long)s->clipped, 100.0 * (double)s->clipped / ((double)r->info.width * r->info.height));
     return 0;
 }
 

@@ -58,7 +58,8 @@ int apply_flat(float *pix, float *sigma, float *flat, int channels, int64_t pixe
     return 0;
 }
 
-double patch_luminance(const float *pix, int channels, int width, int x, int y, int w, int h, const double weight[3])
+double patch_luminance(const float *pix, int channels, int width, int x, int y, int w, int h,
+                       const double weight[3])
 {
     double sum = 0;
     for (int j = y; j < y + h; j++)

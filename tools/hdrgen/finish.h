@@ -16,8 +16,9 @@ void heal_pixels(float *pix, int channels, int width, int height, const uint8_t 
  * mean are refused. */
 int apply_flat(float *pix, float *sigma, float *flat, int channels, int64_t pixels, const char *path, errmsg *e);
 
-/* Luminance of the rectangle's mean, cd/m2 = 179 times the weighted sum of the channels (0.265, 0.670, 0.065 for R, G, B of
- * BT.709); one channel: 179 times it. */
-double patch_luminance(const float *pix, int channels, int width, int x, int y, int w, int h, const double weight[3]);
+/* Luminance of the rectangle's mean, cd/m2 = 179 times the weighted sum of the channels (0.265, 0.670, 0.065
+ * for R, G, B of BT.709); one channel: 179 times it. */
+double patch_luminance(const float *pix, int channels, int width, int x, int y, int w, int h,
+                       const double weight[3]);
 
 #endif

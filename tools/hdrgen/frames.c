@@ -8,7 +8,7 @@
 #include <string.h>
 
 enum { STRIP_ROWS = 64 };
-static const double same_depth = 1.5; /* white levels of one series differ by less */
+static const double same_depth = 1.5;                 /* white levels of one series differ by less */
 static const int64_t strip_bytes = (int64_t)96 << 20; /* of codes, all exposures together */
 
 typedef struct frame {
@@ -109,8 +109,8 @@ static int same_sensor(const frames *f, int k, errmsg *e)
 {
     const sensor_facts *a = f->f[0].sensor, *b = f->f[k].sensor;
     if (strcmp(a->camera, b->camera) != 0)
-        return err_set(e, "%s: expected a shot of the camera that made %s (%s), found %s", f->f[k].path, f->f[0].path,
-                       a->camera, b->camera);
+        return err_set(e, "%s: expected a shot of the camera that made %s (%s), found %s", f->f[k].path,
+                       f->f[0].path, a->camera, b->camera);
     if (a->channels != b->channels || memcmp(&a->mosaic, &b->mosaic, sizeof a->mosaic) != 0)
         return err_set(e, "%s: expected the colour filters of %s, found others", f->f[k].path, f->f[0].path);
     if (f->half && !cfa_is_bayer(&b->mosaic))
@@ -139,8 +139,7 @@ static int agree(const frames *f, int k, errmsg *e)
         return err_set(e, "%s: expected a %s image as %s is, found %s", path,
                        colour_channels(a) == 3 ? "colour" : "grey", first,
                        colour_channels(b) == 3 ? "colour" : "grey");
-    if (raw)
-        return same_sensor(f, k, e);
+    if (raw) return same_sensor(f, k, e);
     if (top_code(f, a) != top_code(f, b) || a->coded != b->coded)
         return err_set(e, "%s: expected codes 0..%d as in %s, found 0..%d", path, top_code(f, a), first,
                        top_code(f, b));
@@ -153,21 +152,21 @@ static const img_open_opts as_stored = {.keep_orientation = 1};
 static int open_one(frames *f, int k, errmsg *e)
 {
     frame *p = &f->f[k];
-    if (img_reader_open_as(&p->r, p->path, &as_stored, e))
-        return -1;
+    if (img_reader_open_as(&p->r, p->path, &as_stored, e)) return -1;
     p->info = *img_reader_info(p->r);
     int raw = strcmp(p->info.format, "raw") == 0;
     if (!raw)
-        return f->half ? err_set(e, "%s: expected camera raw with --half-size, found %s", p->path, p->info.format) : 0;
+        return f->half
+                   ? err_set(e, "%s: expected camera raw with --half-size, found %s", p->path, p->info.format)
+                   : 0;
     img_reader_close(p->r); /* it develops; we want the sensor's values */
     p->r = NULL;
     p->sensor = malloc(sizeof *p->sensor);
-    if (!p->sensor)
-        return err_set(e, "out of memory");
+    if (!p->sensor) return err_set(e, "out of memory");
     if (f->bits || f->wants_fill)
-        return err_set(e, "%s: expected no %s with camera raw, whose values are known", p->path, f->bits ? "--bits" : "--fill");
-    if (sensor_probe(p->sensor, p->path, e))
-        return -1;
+        return err_set(e, "%s: expected no %s with camera raw, whose values are known", p->path,
+                       f->bits ? "--bits" : "--fill");
+    if (sensor_probe(p->sensor, p->path, e)) return -1;
     p->info.width = p->sensor->width;
     p->info.height = p->sensor->height;
     p->info.channels = p->sensor->channels;
@@ -188,8 +187,7 @@ int frames_open(frames **out, char *const *paths, int n, int64_t memory, int bit
     f->wants_fill = fill != NULL;
     for (int k = 0; k < n; k++) {
         f->f[k].path = paths[k];
-        if (open_one(f, k, e) || agree(f, k, e))
-            goto bad;
+        if (open_one(f, k, e) || agree(f, k, e)) goto bad;
     }
     const img_info *i = &f->f[0].info;
     f->facts.width = i->width;
@@ -197,10 +195,8 @@ int frames_open(frames **out, char *const *paths, int n, int64_t memory, int bit
     f->facts.channels = colour_channels(i);
     f->facts.max_code = top_code(f, i);
     f->facts.raw = f->f[0].sensor != NULL;
-    if (f->facts.raw && f->f[0].sensor->mosaic.columns)
-        f->facts.mosaic = &f->f[0].sensor->mosaic;
-    for (int c = 0; c < 3; c++)
-        f->facts.clip[c] = f->facts.max_code;
+    if (f->facts.raw && f->f[0].sensor->mosaic.columns) f->facts.mosaic = &f->f[0].sensor->mosaic;
+    for (int c = 0; c < 3; c++) f->facts.clip[c] = f->facts.max_code;
     if (fill && f->facts.channels == 3) {
         f->has_fill = 1;
         memcpy(f->fill, fill, sizeof f->fill);
@@ -286,8 +282,7 @@ static void to_codes(const frames *f, frame *p, uint16_t *to, uint8_t *gone)
 static int spool_raw(frame *p, errmsg *e)
 {
     uint16_t *values = NULL;
-    if (sensor_read(&values, p->sensor, p->path, e))
-        return -1;
+    if (sensor_read(&values, p->sensor, p->path, e)) return -1;
     size_t n = (size_t)p->info.width * (size_t)p->info.height * (size_t)p->info.channels;
     p->spool = tmpfile();
     int bad = !p->spool || fwrite(values, sizeof *values, n, p->spool) != n || fflush(p->spool) ||
@@ -302,20 +297,19 @@ int frames_begin(frames *f, void (*progress)(const char *what, double done, doub
     for (int k = 0; k < f->facts.n && f->facts.raw; k++) { /* one at a time: each takes two whole pictures */
         frame *p = &f->f[k];
         int mine = 0;
-        if (spool_raw(p, e))
-            return -1;
+        if (spool_raw(p, e)) return -1;
         for (int c = 0; c < 3 && p->sensor->clip[c]; c++) {
             mine = p->sensor->clip[c] > mine ? p->sensor->clip[c] : mine;
-            if (k == 0 || p->sensor->clip[c] < f->facts.clip[c])
-                f->facts.clip[c] = p->sensor->clip[c];
+            if (k == 0 || p->sensor->clip[c] < f->facts.clip[c]) f->facts.clip[c] = p->sensor->clip[c];
         }
         if (k && (mine > same_depth * top || top > same_depth * mine))
-            return err_set(e, "%s: expected a white level of about %d above black as in %s, found %d: another bit depth?",
-                           p->path, top, f->f[0].path, mine);
+            return err_set(
+                e,
+                "%s: expected a white level of about %d above black as in %s, found %d: another bit depth?",
+                p->path, top, f->f[0].path, mine);
         top = mine > top ? mine : top;
         f->facts.max_code = top;
-        if (progress)
-            progress("unpacking", k + 1, f->facts.n);
+        if (progress) progress("unpacking", k + 1, f->facts.n);
     }
     return 0;
 }
@@ -335,8 +329,7 @@ static int fetch(frames *f, frame *p, int y, int rows)
         if (fread(p->strip, sizeof *p->strip, all, p->spool) != all)
             return err_errno(&p->why, "%s: temporary file", p->path);
         for (size_t i = 0; i < all; i++)
-            if (p->strip[i] > f->facts.max_code)
-                p->strip[i] = (uint16_t)f->facts.max_code;
+            if (p->strip[i] > f->facts.max_code) p->strip[i] = (uint16_t)f->facts.max_code;
     } else {
         for (int j = 0; j < rows; j++) {
             if (img_reader_rows(p->r, p->rows, 1, &p->why))
@@ -366,8 +359,7 @@ int frames_rewind(frames *f, errmsg *e)
         } else {
             img_reader_close(p->r);
             p->r = NULL;
-            if (img_reader_open_as(&p->r, p->path, &as_stored, e))
-                return -1;
+            if (img_reader_open_as(&p->r, p->path, &as_stored, e)) return -1;
         }
     }
     if (f->have_all)
@@ -392,8 +384,7 @@ static const uint8_t *mask_of(const frames *f, const frame *p, int rows)
 int frames_next(frames *f, const uint16_t **codes, const uint8_t **missing, errmsg *e)
 {
     int left = f->facts.height - f->y, rows = left < f->strip_rows ? left : f->strip_rows;
-    if (rows == 0)
-        return 0;
+    if (rows == 0) return 0;
 #pragma omp parallel for schedule(dynamic, 1)
     for (int k = 0; k < f->facts.n; k++)
         f->f[k].failed = fetch(f, &f->f[k], f->y, rows);

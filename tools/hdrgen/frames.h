@@ -24,15 +24,15 @@ typedef struct frames_facts {
     int n, width, height;
     int channels; /* 1 or 3; alpha is left out */
     int max_code;
-    int raw;      /* codes are the sensor's own values less black (sensor.h) */
+    int raw;           /* codes are the sensor's own values less black (sensor.h) */
     const cfa *mosaic; /* of camera raw with one value per pixel, else NULL */
-    int clip[3];  /* camera raw: values from here on are clipped, by colour; else max_code */
+    int clip[3];       /* camera raw: values from here on are clipped, by colour; else max_code */
 } frames_facts;
 
 /* Open n files; all must agree in size, channels and depth.  memory: bytes of codes that may
- * be kept.  bits: how many of the files' bits the codes fill, from the lowest (0: all).  fill: NULL, or the code
- * triple that marks missing pixels.  half: the result will be at half size: camera raw with a
- * Bayer mosaic is wanted then.  Pixels lie as in the files, whatever their orientation tags say. */
+ * be kept.  bits: how many of the files' bits the codes fill, from the lowest (0: all).  fill: NULL, or the
+ * code triple that marks missing pixels.  half: the result will be at half size: camera raw with a Bayer
+ * mosaic is wanted then.  Pixels lie as in the files, whatever their orientation tags say. */
 int frames_open(frames **f, char *const *paths, int n, int64_t memory, int bits, const int *fill, int half, errmsg *e);
 void frames_close(frames *f);
 const frames_facts *frames_get_facts(const frames *f);

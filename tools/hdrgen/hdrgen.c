@@ -68,8 +68,7 @@ static int take_bayer(const char *v, void *arg, errmsg *e)
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
         if (strcmp(v, known[i]) == 0) {
             o->bayer = (cfa){.columns = 2, .rows = 2};
-            for (int p = 0; p < 4; p++)
-                o->bayer.colour[p] = v[p] == 'R' ? 0 : v[p] == 'G' ? 1 : 2;
+            for (int p = 0; p < 4; p++) o->bayer.colour[p] = v[p] == 'R' ? 0 : v[p] == 'G' ? 1 : 2;
             return 0;
         }
     return err_set(e, "expected RGGB, BGGR, GRBG or GBRG, found \"%s\"", v);
@@ -132,7 +131,8 @@ static int take_type(const char *v, void *arg, errmsg *e)
 }
 
 static const cli_opt options[] = {
-    {"output", 'o', CLI_STRING, &set.out.path, NULL, "OUT", "radiance: .exr or .hdr, \"-\" for .hdr on standard output"},
+    {"output", 'o', CLI_STRING, &set.out.path, NULL, "OUT",
+     "radiance: .exr or .hdr, \"-\" for .hdr on standard output"},
     {"times", 't', CLI_STRING, &set.times, NULL, "FILE",
      "exposure times: lines \"image seconds\" (default: from the images' EXIF data)"},
     {"response", 'r', CLI_CALL, &set.job, take_response, "KIND",
@@ -143,11 +143,14 @@ static const cli_opt options[] = {
     {"plot", 0, CLI_STRING, &set.plot, NULL, "FILE", "draw the response and its sample points into a PNG"},
     {"weight", 'w', CLI_CALL, &set.job, take_weight, "KIND",
      "noise: inverse variance (default); debevec: hat, zero at both ends"},
-    {"gain", 0, CLI_DOUBLE, &set.job.gain, NULL, "E", "electrons per code of the linearised scale (default: estimated)"},
-    {"read-noise", 0, CLI_DOUBLE, &set.job.read_noise, NULL, "E", "read noise in electrons, with --gain (default: estimated)"},
+    {"gain", 0, CLI_DOUBLE, &set.job.gain, NULL, "E",
+     "electrons per code of the linearised scale (default: estimated)"},
+    {"read-noise", 0, CLI_DOUBLE, &set.job.read_noise, NULL, "E",
+     "read noise in electrons, with --gain (default: estimated)"},
     {"refine-times", 0, CLI_FLAG, &set.job.refine_times, NULL, NULL,
      "estimate the times from the overlap; the middle one is held"},
-    {"deghost", 0, CLI_FLAG, &set.job.deghost, NULL, NULL, "leave out samples that contradict the other exposures"},
+    {"deghost", 0, CLI_FLAG, &set.job.deghost, NULL, NULL,
+     "leave out samples that contradict the other exposures"},
     {"sigma", 0, CLI_FLAG, &set.job.want_sigma, NULL, NULL,
      "add channels sigma.R, .G, .B: the standard deviation (OpenEXR)"},
     {"count", 0, CLI_FLAG, &set.job.want_count, NULL, NULL,
@@ -155,21 +158,30 @@ static const cli_opt options[] = {
     {"flags", 0, CLI_FLAG, &set.out.want_flags, NULL, NULL,
      "add channel flags: 1 clipped everywhere, 2 black everywhere, 4 one or the other\n"
      "everywhere, 8 samples left out by --deghost, 16 missing everywhere (OpenEXR)"},
-    {"calibrate", 0, CLI_CALL, &set.job, take_patch, "X,Y,W,H=L", "scale so that this rectangle has L cd/m2 on average"},
-    {"dark", 0, CLI_STRING, &set.job.dark, NULL, "FILE", "dark frame: its exposure is subtracted from every image"},
-    {"flat", 0, CLI_STRING, &set.job.flat, NULL, "FILE", "flat field: the radiance is divided by it (mean 1)"},
-    {"hot", 0, CLI_STRING, &set.job.hot, NULL, "FILE", "mask: pixels that aren't 0 in it are filled from their neighbours"},
+    {"calibrate", 0, CLI_CALL, &set.job, take_patch, "X,Y,W,H=L",
+     "scale so that this rectangle has L cd/m2 on average"},
+    {"dark", 0, CLI_STRING, &set.job.dark, NULL, "FILE",
+     "dark frame: its exposure is subtracted from every image"},
+    {"flat", 0, CLI_STRING, &set.job.flat, NULL, "FILE",
+     "flat field: the radiance is divided by it (mean 1)"},
+    {"hot", 0, CLI_STRING, &set.job.hot, NULL, "FILE",
+     "mask: pixels that aren't 0 in it are filled from their neighbours"},
     {"bayer", 0, CLI_CALL, &set.job, take_bayer, "ORDER",
      "grey images are a Bayer mosaic: RGGB, BGGR, GRBG or GBRG; merged, then interpolated"},
     {"colour", 0, CLI_CALL, &set.job, take_colour, "SPACE",
      "camera raw: srgb (linear, default), xyz, acescg, or camera: the sensor's own after\n"
      "white balance"},
-    {"half-size", 0, CLI_FLAG, &set.job.half_size, NULL, NULL, "camera raw: one pixel for each 2x2 of the sensor"},
-    {"bits", 0, CLI_INT, &set.job.bits, NULL, "B", "codes fill B bits of their files', from the lowest (default: all)"},
-    {"white", 0, CLI_INT, &set.job.white, NULL, "CODE", "codes from this on are clipped (default: found from the series)"},
-    {"fill", 0, CLI_CALL, &set.job, take_fill, "R,G,B", "pixels of exactly these codes are missing in that image"},
+    {"half-size", 0, CLI_FLAG, &set.job.half_size, NULL, NULL,
+     "camera raw: one pixel for each 2x2 of the sensor"},
+    {"bits", 0, CLI_INT, &set.job.bits, NULL, "B",
+     "codes fill B bits of their files', from the lowest (default: all)"},
+    {"white", 0, CLI_INT, &set.job.white, NULL, "CODE",
+     "codes from this on are clipped (default: found from the series)"},
+    {"fill", 0, CLI_CALL, &set.job, take_fill, "R,G,B",
+     "pixels of exactly these codes are missing in that image"},
     {"type", 0, CLI_CALL, &set.out, take_type, "T", "OpenEXR values: float (default) or half"},
-    {"compression", 0, CLI_STRING, &set.out.compression, NULL, "C", "OpenEXR: none, rle, zips, zip (default), piz or dwaa"},
+    {"compression", 0, CLI_STRING, &set.out.compression, NULL, "C",
+     "OpenEXR: none, rle, zips, zip (default), piz or dwaa"},
     {"verbose", 'v', CLI_FLAG, &set.verbose, NULL, NULL, "say what was found, on standard error"},
     {0},
 };

@@ -86,7 +86,8 @@ static int settle_mosaic(job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
     if (j->opts.bayer.columns && (f->channels != 1 || f->raw))
-        return err_set(e, "%s: expected grey images with --bayer, found %s", j->shots[0].path, f->raw ? "camera raw" : "colour");
+        return err_set(e, "%s: expected grey images with --bayer, found %s", j->shots[0].path,
+                       f->raw ? "camera raw" : "colour");
     if (j->opts.dark && f->raw)
         return err_set(e, "%s: expected no --dark with camera raw, whose black level is known", j->opts.dark);
     j->mosaic = f->raw ? f->mosaic : j->opts.bayer.columns ? &j->opts.bayer : NULL;
@@ -119,13 +120,10 @@ int job_open(job *j, const char *times_file, errmsg *e)
         j->shots[0].seconds = 1; /* one picture of unknown time: radiance is relative anyway */
         j->facts.assumed_time = 1;
     }
-    if (shots_resolve(j->shots, j->n, times_file != NULL, &j->facts.times, e) || sort_shots(j, e))
-        return -1;
+    if (shots_resolve(j->shots, j->n, times_file != NULL, &j->facts.times, e) || sort_shots(j, e)) return -1;
     shots_relate(j->shots, j->n);
-    if (settle_mosaic(j, e) || develop_settle(j, e) || frames_begin(j->frames, j->progress, e))
-        return -1;
-    if (j->opts.dark && load_dark(j, e))
-        return -1;
+    if (settle_mosaic(j, e) || develop_settle(j, e) || frames_begin(j->frames, j->progress, e)) return -1;
+    if (j->opts.dark && load_dark(j, e)) return -1;
     j->exposure = calloc((size_t)j->n, sizeof *j->exposure);
     if (!j->exposure)
         return err_set(e, "out of memory");
@@ -163,8 +161,7 @@ static int settle_white(job *j, errmsg *e)
         j->facts.clip[c] = j->opts.white;
     const int *sensor = frames_get_facts(j->frames)->clip;
     for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++) /* camera raw states it for each colour */
-        if (j->facts.clip[c] > sensor[c])
-            j->facts.clip[c] = sensor[c];
+        if (j->facts.clip[c] > sensor[c]) j->facts.clip[c] = sensor[c];
     for (int c = 0; c < j->samples.channels; c++)
         j->facts.bits_used = j->facts.clip[c] < top ? 0 : j->facts.bits_used; /* known better */
     white_apply(&j->samples, j->facts.clip);
@@ -183,8 +180,8 @@ static int collect_samples(job *j, errmsg *e)
         free(missing);
         return err_set(e, "out of memory");
     }
-    if (sampler_init(&p, f->width, f->height, j->n, job_channels(j), f->max_code,
-                     j->mosaic, j->dark != NULL, WANTED_SAMPLES, e)) {
+    if (sampler_init(&p, f->width, f->height, j->n, job_channels(j), f->max_code, j->mosaic, j->dark != NULL,
+                     WANTED_SAMPLES, e)) {
         free(codes);
         free(missing);
         return -1;
@@ -234,8 +231,11 @@ static int check_stated(job *j, errmsg *e)
     int linear = frames_get_facts(j->frames)->raw || j->opts.response == RESPONSE_LINEAR;
     stated_check(f, &j->samples, j->exposure, linear);
     if (j->n > 1 && same_exposure(j) && f->span > most_alike && !j->times_given)
-        return err_set(e, "%s: expected the exposure times that were used, found %.4g s in all %d files, though their brightness "
-                       "differs by %.1f stops: give --times", j->shots[0].path, j->shots[0].seconds, j->n, f->span);
+        return err_set(e,
+                       "%s: expected the exposure times that were used, found %.4g s in all %d files, though "
+                       "their brightness "
+                       "differs by %.1f stops: give --times",
+                       j->shots[0].path, j->shots[0].seconds, j->n, f->span);
     return 0;
 }
 
@@ -263,8 +263,11 @@ static int first_response(job *j, const double *lnt, errmsg *e)
             return err_set(e, "%s: expected two images or more to recover a response, found one: give --response",
                            j->shots[0].path);
         if (same_exposure(j))
-            return err_set(e, "%s: expected images of different exposure to recover a response, found %d of the same: "
-                           "give --response, or --times if these are wrong", j->shots[0].path, j->n);
+            return err_set(
+                e,
+                "%s: expected images of different exposure to recover a response, found %d of the same: "
+                "give --response, or --times if these are wrong",
+                j->shots[0].path, j->n);
     }
     switch (kind) {
     case RESPONSE_LINEAR:
@@ -283,15 +286,14 @@ static int first_response(job *j, const double *lnt, errmsg *e)
     }
 }
 
-/* One sensor's colours are read out alike.  Where a colour shows too little of the dark to tell its noise there, far below that
- * of the others, it gets the middle one's. */
+/* One sensor's colours are read out alike.  Where a colour shows too little of the dark to tell its noise
+ * there, far below that of the others, it gets the middle one's. */
 static void share_dark_noise(noise_model m[3], int top)
 {
     static const double far_below = 0.25; /* of the variance */
     const double code = 1.0 / top;
     double v[3];
-    for (int c = 0; c < 3; c++)
-        v[c] = noise_variance(&m[c], 0, code);
+    for (int c = 0; c < 3; c++) v[c] = noise_variance(&m[c], 0, code);
     double middle = fmax(fmin(v[0], v[1]), fmin(fmax(v[0], v[1]), v[2]));
     for (int c = 0; c < 3; c++)
         if (v[c] < far_below * middle) {
@@ -311,8 +313,7 @@ int job_calibrate(job *j, errmsg *e)
     if (collect_samples(j, e))
         goto done;
     double t0 = job_cpu_s();
-    if (check_stated(j, e) || first_response(j, lnt, e))
-        goto done;
+    if (check_stated(j, e) || first_response(j, lnt, e)) goto done;
     memcpy(j->response.clip, j->facts.clip, sizeof j->response.clip);
     /* hat weights on logarithms go with the curve that came from the same: both lean the same way */
     recover = strcmp(j->response.origin, "debevec") == 0 && j->opts.weight == MERGE_NOISE;

@@ -40,7 +40,7 @@ typedef struct job_opts {
     int bits;                /* that the codes fill of their files', from the lowest; 0: all */
     int white;               /* code from which on all is clipped; 0: find it */
     int refine_times, deghost, want_sigma, want_count, half_size;
-    cfa bayer;               /* of grey images; columns 0: none */
+    cfa bayer; /* of grey images; columns 0: none */
     colour_space colour;
     int has_fill, fill[3];   /* code triple of missing pixels */
     const char *dark, *flat, *hot; /* files or NULL */
@@ -82,7 +82,7 @@ typedef struct job {
     shot *shots;          /* from the shortest exposure on once job_open is done */
     int n, times_given;   /* times_given: by a file */
     frames *frames;
-    const cfa *mosaic;    /* one value per pixel, of these colours; NULL: pixels have all channels */
+    const cfa *mosaic; /* one value per pixel, of these colours; NULL: pixels have all channels */
     response response;
     noise_model noise[RESPONSE_MAX_CHANNELS];
     samples samples;      /* kept for the plot */

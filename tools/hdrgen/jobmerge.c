@@ -192,8 +192,7 @@ static int load_aside(img *im, const job *j, const char *path, int channels, err
 {
     const frames_facts *f = frames_get_facts(j->frames);
     static const img_open_opts as_stored = {.keep_orientation = 1}; /* as the series' pixels lie */
-    if (img_load_as(im, path, &as_stored, e))
-        return -1;
+    if (img_load_as(im, path, &as_stored, e)) return -1;
     if (im->info.width == f->width && im->info.height == f->height &&
         (channels == 0 || (im->info.channels >= 3 ? 3 : 1) == channels))
         return 0;
@@ -211,25 +210,26 @@ static int load_raw_flat(img *flat, const job *j, errmsg *e)
     uint16_t *values = NULL;
     img_info info;
     const char *path = j->opts.flat;
-    if (img_probe(&info, path, e))
-        return -1;
+    if (img_probe(&info, path, e)) return -1;
     if (strcmp(info.format, "raw") != 0)
-        return err_set(e, "%s: expected a flat field in camera raw as the series is, found %s", path, info.format);
-    if (sensor_probe(&s, path, e))
-        return -1;
-    if (s.width != f->width || s.height != f->height || s.channels != 1 || memcmp(&s.mosaic, j->mosaic, sizeof s.mosaic) != 0)
-        return err_set(e, "%s: expected %dx%d photosites with the series' colour filters, found %dx%d%s", path, f->width,
-                       f->height, s.width, s.height, s.channels == 1 ? "" : " without");
-    if (img_alloc(flat, s.width, s.height, 1, e) || sensor_read(&values, &s, path, e))
-        return -1;
+        return err_set(e, "%s: expected a flat field in camera raw as the series is, found %s", path,
+                       info.format);
+    if (sensor_probe(&s, path, e)) return -1;
+    if (s.width != f->width || s.height != f->height || s.channels != 1 ||
+        memcmp(&s.mosaic, j->mosaic, sizeof s.mosaic) != 0)
+        return err_set(e, "%s: expected %dx%d photosites with the series' colour filters, found %dx%d%s",
+                       path, f->width, f->height, s.width, s.height, s.channels == 1 ? "" : " without");
+    if (img_alloc(flat, s.width, s.height, 1, e) || sensor_read(&values, &s, path, e)) return -1;
     int64_t clipped = 0, n = (int64_t)s.width * s.height;
     for (int64_t i = 0; i < n; i++) {
         flat->pix[i] = values[i];
         clipped += values[i] == SENSOR_CLIPPED;
     }
     free(values);
-    return clipped * 1000 > n ? err_set(e, "%s: expected a flat field that is not clipped, found %lld clipped photosites", path,
-                                        (long long)clipped) : 0;
+    return clipped * 1000 > n
+               ? err_set(e, "%s: expected a flat field that is not clipped, found %lld clipped photosites",
+                         path, (long long)clipped)
+               : 0;
 }
 
 static int heal(job *j, errmsg *e)
@@ -260,18 +260,18 @@ static int heal(job *j, errmsg *e)
 static int load_flat(img *flat, int ch, const job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
-    if (frames_sensor(j->frames, 0) && j->mosaic && ch == 1)
-        return load_raw_flat(flat, j, e);
-    if (load_aside(flat, j, j->opts.flat, ch, e))
-        return -1;
+    if (frames_sensor(j->frames, 0) && j->mosaic && ch == 1) return load_raw_flat(flat, j, e);
+    if (load_aside(flat, j, j->opts.flat, ch, e)) return -1;
     int from = flat->info.channels;
     for (int64_t i = 0; i < (int64_t)f->width * f->height; i++)
         for (int c = 0; c < ch; c++) {
             float v = flat->pix[i * from + c];
             if (flat->info.coded) { /* codes of the same camera */
                 const response *r = &j->response;
-                double z = j->opts.bits ? fmin((double)v, r->max_code) : (double)v * r->max_code / flat->info.max_code;
-                v = (float)r->finv[j->mosaic ? cfa_at(j->mosaic, (int)(i % f->width), (int)(i / f->width)) : c][(int)(z + 0.5)];
+                double z = j->opts.bits ? fmin((double)v, r->max_code)
+                                        : (double)v * r->max_code / flat->info.max_code;
+                v = (float)r->finv[j->mosaic ? cfa_at(j->mosaic, (int)(i % f->width), (int)(i / f->width))
+                                             : c][(int)(z + 0.5)];
             }
             flat->pix[i * ch + c] = v;
         }
@@ -300,11 +300,10 @@ static int flatten(job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
     img flat;
-    if (load_flat(&flat, f->channels, j, e))
-        return -1;
-    if (j->mosaic)
-        level_colours(flat.pix, j->mosaic, f->width, f->height);
-    int bad = apply_flat(j->radiance.pix, j->sigma, flat.pix, f->channels, (int64_t)f->width * f->height, j->opts.flat, e);
+    if (load_flat(&flat, f->channels, j, e)) return -1;
+    if (j->mosaic) level_colours(flat.pix, j->mosaic, f->width, f->height);
+    int bad = apply_flat(j->radiance.pix, j->sigma, flat.pix, f->channels, (int64_t)f->width * f->height,
+                         j->opts.flat, e);
     img_free(&flat);
     return bad;
 }
@@ -366,8 +365,7 @@ int job_merge(job *j, errmsg *e)
         bad = heal(j, e);
     if (!bad && j->opts.flat)
         bad = flatten(j, e);
-    if (!bad)
-        bad = job_develop(j, e);
+    if (!bad) bad = job_develop(j, e);
     if (!bad && j->opts.patch[2] > 0)
         bad = to_absolute(j, e);
     if (!bad)

@@ -13,8 +13,7 @@ static const float half_max = 65504, half_full = 6.1e-5f; /* below this half los
 static int fits_half(const float *p, size_t n)
 {
     for (size_t i = 0; i < n; i++)
-        if (fabsf(p[i]) > half_max || (p[i] > 0 && p[i] < half_full))
-            return 0;
+        if (fabsf(p[i]) > half_max || (p[i] > 0 && p[i] < half_full)) return 0;
     return 1;
 }
 
@@ -54,8 +53,8 @@ static float *alpha_of(const uint8_t *flags, size_t n)
     return a;
 }
 
-/* Seconds, f-number and ISO of each shot (0: not stated), and under their usual names where all have the same: fishremap
- * chooses a falloff by the f-number.  room: 3 n floats. */
+/* Seconds, f-number and ISO of each shot (0: not stated), and under their usual names where all have the
+ * same: fishremap chooses a falloff by the f-number.  room: 3 n floats. */
 static int attrs_of_shots(img_attr *to, float *room, const job *j)
 {
     int n = 0, same_f = 1, same_iso = 1, any_f = 0, any_iso = 0;
@@ -71,16 +70,15 @@ static int attrs_of_shots(img_attr *to, float *room, const job *j)
         any_iso |= iso[k] > 0;
     }
     to[n++] = (img_attr){.name = "hdrgen:seconds", .kind = IMG_ATTR_FLOATS, .f = seconds, .n = j->n};
-    if (any_f)
-        to[n++] = (img_attr){.name = "hdrgen:fNumbers", .kind = IMG_ATTR_FLOATS, .f = f, .n = j->n};
-    if (any_iso)
-        to[n++] = (img_attr){.name = "hdrgen:isos", .kind = IMG_ATTR_FLOATS, .f = iso, .n = j->n};
+    if (any_f) to[n++] = (img_attr){.name = "hdrgen:fNumbers", .kind = IMG_ATTR_FLOATS, .f = f, .n = j->n};
+    if (any_iso) to[n++] = (img_attr){.name = "hdrgen:isos", .kind = IMG_ATTR_FLOATS, .f = iso, .n = j->n};
     if (any_f && same_f)
         to[n++] = (img_attr){.name = "aperture", .kind = IMG_ATTR_FLOAT, .v = {j->shots[0].f_number}};
     if (any_iso && same_iso)
         to[n++] = (img_attr){.name = "isoSpeed", .kind = IMG_ATTR_FLOAT, .v = {j->shots[0].iso}};
     if (j->facts.develop.orientation != 1)
-        to[n++] = (img_attr){.name = "hdrgen:turnedBy", .kind = IMG_ATTR_INT, .v = {j->facts.develop.orientation}};
+        to[n++] =
+            (img_attr){.name = "hdrgen:turnedBy", .kind = IMG_ATTR_INT, .v = {j->facts.develop.orientation}};
     return n;
 }
 
@@ -91,15 +89,16 @@ static int attrs_of_colours(img_attr *to, float balance[3], const job *j, const 
     const float *xy = colour_chromaticities(j->opts.colour);
     size_t len = strlen(path);
     int n = 0, exr = len > 4 && strcmp(path + len - 4, ".exr") == 0;
-    if (!d->camera)
-        return 0;
-    for (int c = 0; c < 3; c++)
-        balance[c] = (float)d->balance[c];
+    if (!d->camera) return 0;
+    for (int c = 0; c < 3; c++) balance[c] = (float)d->balance[c];
     to[n++] = (img_attr){.name = "hdrgen:camera", .kind = IMG_ATTR_STRING, .s = d->camera};
     to[n++] = (img_attr){.name = "hdrgen:colour", .kind = IMG_ATTR_STRING, .s = colour_name(j->opts.colour)};
     to[n++] = (img_attr){.name = "hdrgen:whiteBalance", .kind = IMG_ATTR_FLOATS, .f = balance, .n = 3};
-    to[n++] = (img_attr){.name = "hdrgen:whiteBalanceOf", .kind = IMG_ATTR_STRING,
-                         .s = d->balance_from >= 0 ? last_part(j->shots[d->balance_from].path) : d->daylight ? "daylight" : "none"};
+    to[n++] = (img_attr){.name = "hdrgen:whiteBalanceOf",
+                         .kind = IMG_ATTR_STRING,
+                         .s = d->balance_from >= 0 ? last_part(j->shots[d->balance_from].path)
+                              : d->daylight        ? "daylight"
+                                                   : "none"};
     if (xy && (exr || j->opts.colour != COLOUR_SRGB))
         to[n++] = (img_attr){.name = "chromaticities", .kind = IMG_ATTR_CHROMATICITIES, .f = xy, .n = 8};
     return n;
@@ -119,7 +118,8 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
     float *times = malloc(sizeof *times * (size_t)j->n), noise[9], balance[3];
     float *seconds = malloc(3 * sizeof *seconds * (size_t)j->n); /* then f-numbers, ISO */
     char *names = image_names(j);
-    if ((j->count && !count) || (j->facts.missing && !alpha) || (o->want_flags && !flags) || !times || !seconds || !names) {
+    if ((j->count && !count) || (j->facts.missing && !alpha) || (o->want_flags && !flags) || !times ||
+        !seconds || !names) {
         err_set(e, "%s: out of memory", o->path);
         goto done;
     }

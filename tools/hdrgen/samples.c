@@ -25,8 +25,7 @@ int sampler_init(sampler *p, int width, int height, int exposures, int channels,
     p->s.mosaic = mosaic != NULL;
     double area = (double)width * height;
     int cell = (int)floor(sqrt(area / wanted));
-    if (mosaic && cell < 2)
-        cell = 2;
+    if (mosaic && cell < 2) cell = 2;
     p->cell = cell < 1 ? 1 : cell;
     p->s.cap = ((width + p->cell - 1) / p->cell) * ((height + p->cell - 1) / p->cell);
     for (int c = 0; c < channels; c++) {

@@ -121,7 +121,8 @@ static double *value(shot *s, const fact *f)
     return (double *)((char *)s + f->at);
 }
 
-/* *lacks: the first shot without it.  Shots without it get the others', if these agree.  1: they don't agree. */
+/* *lacks: the first shot without it.  Shots without it get the others', if these agree.  1: they don't agree.
+ */
 static int fill_in(shot *shots, int n, const fact *f, const char **lacks, double *assumed)
 {
     double one = 0, least = INFINITY, most = 0;
@@ -136,14 +137,10 @@ static int fill_in(shot *shots, int n, const fact *f, const char **lacks, double
             *lacks = shots[i].path;
         }
     }
-    if (!(one > 0))
-        *lacks = NULL; /* nobody states it: a lens without contacts */
-    if (!*lacks)
-        return 0;
-    if (most > least * 1.001)
-        return 1;
-    for (int i = 0; i < n; i++)
-        *value(&shots[i], f) = one;
+    if (!(one > 0)) *lacks = NULL; /* nobody states it: a lens without contacts */
+    if (!*lacks) return 0;
+    if (most > least * 1.001) return 1;
+    for (int i = 0; i < n; i++) *value(&shots[i], f) = one;
     *assumed = one;
     return 0;
 }
@@ -156,20 +153,25 @@ int shots_resolve(shot *shots, int n, int times_given, times_facts *facts, errms
         if (!(shots[i].seconds > 0))
             return err_set(e, "%s: expected an exposure time in its EXIF data, found none: give --times", shots[i].path);
         if (!isfinite(shots[i].seconds) || shots[i].seconds < 1e-12 || shots[i].seconds > 1e9)
-            return err_set(e, "%s: expected an exposure time from 1e-12 to 1e9 s, found %g", shots[i].path, shots[i].seconds);
+            return err_set(e, "%s: expected an exposure time from 1e-12 to 1e9 s, found %g", shots[i].path,
+                           shots[i].seconds);
     }
     int differ_iso = fill_in(shots, n, &iso, &facts->lacks_iso, &facts->iso_assumed);
     int differ_f = fill_in(shots, n, &aperture, &facts->lacks_f, &facts->f_assumed);
     facts->alone = times_given && (differ_iso || differ_f);
     if ((differ_iso || differ_f) && !times_given)
-        return err_set(e, "%s: expected %s in its EXIF data, since the other images' differ, found none: give --times with "
-                       "the exposures as if ISO and f-number were the same",
-                       differ_iso ? facts->lacks_iso : facts->lacks_f, differ_iso ? "an ISO" : "an f-number");
+        return err_set(
+            e,
+            "%s: expected %s in its EXIF data, since the other images' differ, found none: give --times with "
+            "the exposures as if ISO and f-number were the same",
+            differ_iso ? facts->lacks_iso : facts->lacks_f, differ_iso ? "an ISO" : "an f-number");
     for (int i = 0; i < n; i++) {
         double gain = shots[i].iso > 0 && !facts->alone ? shots[i].iso : 1;
-        double light = shots[i].f_number > 0 && !facts->alone ? 1 / (shots[i].f_number * shots[i].f_number) : 1;
+        double light =
+            shots[i].f_number > 0 && !facts->alone ? 1 / (shots[i].f_number * shots[i].f_number) : 1;
         shots[i].exposure = shots[i].seconds * (gain * light);
-        facts->varies |= !facts->alone && (shots[i].iso != shots[0].iso || shots[i].f_number != shots[0].f_number);
+        facts->varies |=
+            !facts->alone && (shots[i].iso != shots[0].iso || shots[i].f_number != shots[0].f_number);
     }
     return 0;
 }
@@ -177,6 +179,5 @@ int shots_resolve(shot *shots, int n, int times_given, times_facts *facts, errms
 void shots_relate(shot *shots, int n)
 {
     double unit = shots[0].seconds / shots[0].exposure;
-    for (int i = 0; i < n; i++)
-        shots[i].exposure *= unit;
+    for (int i = 0; i < n; i++) shots[i].exposure *= unit;
 }
