@@ -1,9 +1,9 @@
 /*
  * colour.c - see colour.h.
  *
- * BT.709 to XYZ: IEC 61966-2-1, table.  ACEScg: AP1 primaries (.713, .293), (.165, .830), (.128, .044), white
- * (.32168, .33767) of Academy S-2014-004; the white goes from D65 to ACES's by the Bradford matrix (Lam
- * 1985), as the Academy's own transforms do.  The matrix is computed from the primaries, nothing is copied.
+ * RGB to XYZ from primaries and white: SMPTE RP 177.  BT.709 as in IEC 61966-2-1; ACEScg: AP1 primaries and white of
+ * Academy S-2014-004.  The light itself is kept: no white is adapted to another, so that whoever converts by the
+ * chromaticities that are written finds the same XYZ in every space (grey, which is D65's, is not R = G = B in ACEScg).
  */
 #include "colour.h"
 
@@ -15,8 +15,6 @@ typedef double mat[3][3];
 static const float bt709[8] = {0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f};
 static const float ap1[8] = {0.713f, 0.293f, 0.165f, 0.830f, 0.128f, 0.044f, 0.32168f, 0.33767f};
 static const float xyz[8] = {1, 0, 0, 1, 0, 0, 1.0f / 3, 1.0f / 3}; /* X, Y, Z as the primaries */
-
-static const mat bradford = {{0.8951, 0.2664, -0.1614}, {-0.7502, 1.7135, 0.0367}, {0.0389, -0.0685, 1.0296}};
 
 static void multiply(mat out, const mat a, const mat b)
 {
@@ -67,24 +65,6 @@ static void to_xyz(mat m, const float p[8])
     }
 }
 
-static void adapt(mat m, const float from[8], const float to[8])
-{
-    mat inv, scaled;
-    double a[3], b[3];
-    white_xyz(a, from);
-    white_xyz(b, to);
-    for (int i = 0; i < 3; i++) {
-        double x = 0, y = 0;
-        for (int c = 0; c < 3; c++) {
-            x += bradford[i][c] * a[c];
-            y += bradford[i][c] * b[c];
-        }
-        for (int c = 0; c < 3; c++) scaled[i][c] = bradford[i][c] * y / x;
-    }
-    invert(inv, bradford);
-    multiply(m, (const double(*)[3])inv, (const double(*)[3])scaled);
-}
-
 /* Linear sRGB to `space`. */
 static void from_srgb(mat m, colour_space space)
 {
@@ -93,8 +73,6 @@ static void from_srgb(mat m, colour_space space)
     a[0][0] = a[1][1] = a[2][2] = 1;
     if (space == COLOUR_XYZ || space == COLOUR_ACESCG) to_xyz(a, bt709);
     if (space == COLOUR_ACESCG) {
-        adapt(b, bt709, ap1);
-        multiply(a, (const double(*)[3])b, (const double(*)[3])a);
         to_xyz(b, ap1);
         invert(b, (const double(*)[3])b);
         multiply(a, (const double(*)[3])b, (const double(*)[3])a);

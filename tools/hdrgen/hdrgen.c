@@ -244,10 +244,13 @@ static void note_pixels(long n, const job *j, const char *what)
 static void note_white(const job *j)
 {
     const int *w = j->facts.clip, top = j->samples.max_code, n = j->samples.channels;
-    int low = top;
-    for (int c = 0; c < n; c++)
+    const int *known = frames_get_facts(j->frames)->clip; /* camera raw states it */
+    int low = top, found = 0;
+    for (int c = 0; c < n; c++) {
         low = w[c] < low ? w[c] : low;
-    if (j->opts.white || low >= top - top / 255)
+        found |= w[c] < known[c];
+    }
+    if (!found || j->opts.white || low >= top - top / 255)
         return;
     if (n == 1 || (w[0] == w[1] && w[1] == w[2]))
         cli_note("%s: white lies at code %d of %d in this series: from there on is clipped (--white says otherwise)", j->shots[0].path,
