@@ -328,8 +328,8 @@ def test_memory_is_not_taken_from_a_header_that_lies(tmp_path):
     assert data.count(window) == 2
     for w, h in ((100000, 100000), (131071, 16000), (2 ** 30, 2 ** 30)):
         (tmp_path / "b.exr").write_bytes(data.replace(window, window[:10] + np.array([0, 0, w - 1, h - 1], "<i4").tobytes()))
-        p = subprocess.run(["bash", "-c", f"ulimit -v 2000000; '{IMGTOOL}' dump '{tmp_path}/b.exr' '{tmp_path}/c'"], capture_output=True)
-        refused(p)
+        limit = "" if "san" in IMGTOOL.parts else "ulimit -v 2000000;"  # a sanitizer takes address space of its own
+        refused(subprocess.run(["bash", "-c", f"{limit} '{IMGTOOL}' dump '{tmp_path}/b.exr' '{tmp_path}/c'"], capture_output=True))
 
 
 # ---- inputs that once went wrong ---------------------------------------------------------------------------------------
