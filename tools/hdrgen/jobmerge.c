@@ -8,6 +8,9 @@
 #include "finish.h"
 #include "job.h"
 
+/* Deghosting: relative differences up to so many times what is usual in the series are none, within bounds. */
+static const double usual_differences = 5, least_tolerance = 0.06, most_tolerance = 0.5;
+
 /* What one thread needs for a row. */
 typedef struct bench {
     const uint16_t **at;   /* [n] */
@@ -63,6 +66,7 @@ static int lanes_of_row(lane out[3], const job *j, int y)
 typedef struct strip {
     const uint16_t **codes;  /* [n] */
     const uint8_t **missing; /* [n] */
+    uint64_t *votes, *room;  /* [strip rows * width] for deghosting, or NULL */
     int y, rows;
 } strip;
 
@@ -97,6 +101,22 @@ static void fill_pedestal(const job *j, bench *b, int y)
         }
 }
 
+/* What contradicts in one channel goes in all. */
+static void vote(job *j, const merge *m, const strip *s, int row, bench *b)
+{
+    int w = frames_get_facts(j->frames)->width;
+    uint64_t *votes = s->votes + (size_t)row * (size_t)w;
+    lane lanes[3];
+    int n = lanes_of_row(lanes, j, s->y + row);
+    if (j->dark)
+        fill_pedestal(j, b, s->y + row);
+    memset(votes, 0, sizeof *votes * (size_t)w);
+    for (int l = 0; l < n; l++) {
+        merge_row r = row_for(j, &lanes[l], b, s, row);
+        merge_find_ghosts(m, lanes[l].channel, &r, votes);
+    }
+}
+
 static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
 {
     int w = frames_get_facts(j->frames)->width, y = s->y + row;
@@ -108,14 +128,6 @@ static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
         memset(j->count + out, 255, (size_t)w);
     if (j->dark)
         fill_pedestal(j, b, y);
-    memset(b->reject, 0, sizeof *b->reject * (size_t)w);
-    if (j->opts.deghost && !j->opts.has_bayer) { /* what contradicts in one channel goes in all */
-        for (int l = 0; l < n; l++) {
-            merge_row r = row_for(j, &lanes[l], b, s, row);
-            merge_find_ghosts(m, lanes[l].channel, &r, b->reject);
-        }
-        merge_settle_ghosts(m, b->reject, b->reject + w, w);
-    }
     for (int l = 0; l < n; l++) {
         merge_row r = row_for(j, &lanes[l], b, s, row);
         if (j->opts.deghost && j->opts.has_bayer) {
@@ -123,7 +135,7 @@ static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
             merge_find_ghosts(m, lanes[l].channel, &r, b->reject);
             merge_settle_ghosts(m, b->reject, b->reject + w, r.count);
         }
-        r.reject = j->opts.deghost ? b->reject : NULL;
+        r.reject = s->votes ? s->votes + (size_t)row * (size_t)w : j->opts.deghost ? b->reject : NULL;
         merge_do_row(m, lanes[l].channel, &r);
         for (int i = 0; i < r.count; i++) {
             size_t x = out + (size_t)(lanes[l].first + i * lanes[l].step);
@@ -169,6 +181,14 @@ static int all_rows(job *j, const merge *m, strip *s, errmsg *e)
             if (bad) {
 #pragma omp atomic write
                 failed = 1;
+            }
+            if (s->votes) {
+#pragma omp for schedule(static)
+                for (int row = 0; row < rows; row++)
+                    if (!bad)
+                        vote(j, m, s, row, &b);
+#pragma omp single
+                merge_gather_ghosts(m, s->votes, s->room, f->width, rows);
             }
 #pragma omp for schedule(static)
             for (int row = 0; row < rows; row++)
@@ -320,6 +340,16 @@ int job_merge(job *j, errmsg *e)
         err_set(e, "out of memory");
     if (!s.codes || !s.missing || !m || allocate(j, e))
         goto done;
+    if (j->opts.deghost && !j->opts.has_bayer) {
+        size_t most = (size_t)frames_strip_rows(j->frames) * (size_t)frames_get_facts(j->frames)->width;
+        s.votes = malloc(most * sizeof *s.votes);
+        s.room = malloc(most * sizeof *s.room);
+        if (!s.votes || !s.room) {
+            err_set(e, "out of memory");
+            goto done;
+        }
+    }
+    merge_set_tolerance(m, fmin(fmax(least_tolerance, usual_differences * j->facts.contradict.usual), most_tolerance));
     j->facts.scale = 1;
     j->facts.merge_s += job_cpu_s() - t0;
     bad = all_rows(j, m, &s, e);
@@ -338,6 +368,8 @@ int job_merge(job *j, errmsg *e)
 done:
     free(s.codes);
     free(s.missing);
+    free(s.votes);
+    free(s.room);
     merge_free(m);
     return bad;
 }
