@@ -287,3 +287,23 @@ def test_a_sky_that_only_the_shortest_exposure_holds(tmp_path):
     hdrgen(tmp_path, names, times=None)
     got = radiance(tmp_path / "out.exr")[:, 34:54].mean((0, 1))
     assert np.allclose(got, [1612, 1586, 1872], rtol=0.01), got
+
+
+@pytest.mark.parametrize("order", ["RGGB", "X-Trans"])
+def test_a_walker_leaves_no_colours(tmp_path, order):
+    """Something dark that is in one shot only: --deghost takes its photosites of all colours; a series at rest stays."""
+    pattern = XTRANS if order == "X-Trans" else BAYER[order]
+    rgb = np.geomspace(0.5, 30, 144)[None, :, None] * np.array([1, 0.6, 0.3]) * np.ones((96, 1, 1))
+    walked = rgb.copy()
+    walked[30:66, 50:80] *= 0.1
+    names = series(tmp_path, rgb, pattern)
+    for way in ([], ["--deghost"]):
+        hdrgen(tmp_path, names, *way, times=None, out=f"rest{len(way)}.exr")
+    a, b = (radiance(tmp_path / f"rest{k}.exr") for k in (0, 1))
+    assert (np.abs(b / a - 1).max(2) > 0.1).mean() < 0.002
+    z = shoot(camera_values(walked), TIMES_RAW[4], np.random.default_rng(9), pattern, NEUTRAL)
+    write_raw(tmp_path / names[4], z, pattern, seconds=TIMES_RAW[4], neutral=NEUTRAL, black=512)
+    hdrgen(tmp_path, names, "--deghost", times=None)
+    got = radiance(tmp_path / "out.exr")[30:66, 50:80]
+    off = np.abs(got / rgb[30:66, 50:80] - 1)
+    assert np.median(off) < 0.03 and (off.max(2) > 0.25).mean() < 0.02, (np.median(off), (off.max(2) > 0.25).mean())

@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LEVELS = 12, FEW = 40, MANY = 4000 };
+enum { LEVELS = 12, FEW = 40, MANY = 2000 };
 
 static const double too_far = 5;        /* of what is usual */
 static const double always = 0.12;      /* ln: flicker, small shifts, errors of the curve */
@@ -254,18 +254,37 @@ static void find_cause(contradict_facts *f, sums *t, int kk)
                                                          : CAUSE_UNKNOWN;
 }
 
+/* Moves the differences together: the last thing that is done with them. */
+static double usual_difference(sums *t, int kk)
+{
+    int n = 0;
+    for (int k = 0; k < kk; k++)
+        for (int i = 0; i < t->n[k]; i++)
+            t->d[n++] = fabsf(t->d[k * t->most + i]);
+    return median(t->d, n) / 0.6745;
+}
+
+int contradict_matters(const contradict_facts *f)
+{
+    static const double most = 0.35, of_many = 0.15, many = 0.25;
+    return f->pairs > FEW && (f->stops > most || (f->stops > of_many && f->share > many));
+}
+
 static int measure_channel(sums *t, const samples *s, int c, const response *r, const noise_model *m, const double *lnt)
 {
+    /* a fit to exposures that contradict each other takes the contradiction for noise: no camera has more than this */
+    noise_model least = {fmin(m->photon, 1.0 / 500), fmin(m->read, 3.0 / 500), fmin(m->code_var, 30)};
     pairing p;
     float *steep = malloc(((size_t)s->n[c] + 1) * sizeof *steep), limit[2] = {0};
-    int bad = pairing_init(&p, s, c, r, m, lnt) || !steep;
-    if (!bad && s->n[c] > 0) {
-        memcpy(steep, s->steep[c], (size_t)s->n[c] * sizeof *steep);
-        qsort(steep, (size_t)s->n[c], sizeof *steep, by_value);
-        limit[0] = steep[s->n[c] / 3];
-        limit[1] = steep[s->n[c] - s->n[c] / 6 - 1];
+    int bad = pairing_init(&p, s, c, r, &least, lnt) || !steep;
+    int every = s->n[c] > 6 * MANY ? s->n[c] / (6 * MANY) : 1, n = 0;
+    for (int i = 0; !bad && i < s->n[c]; i += every)
+        steep[n++] = s->steep[c][i];
+    if (n > 0) {
+        qsort(steep, (size_t)n, sizeof *steep, by_value);
+        limit[0] = steep[n / 3];
+        limit[1] = steep[n - n / 6 - 1];
     }
-    int every = s->n[c] > 2 * MANY ? s->n[c] / (2 * MANY) : 1;
     for (int i = 0; !bad && i < s->n[c]; i += every)
         add_pixel(t, &p, i, limit);
     pairing_free(&p);
@@ -276,7 +295,7 @@ static int measure_channel(sums *t, const samples *s, int c, const response *r, 
 int contradict_measure(contradict_facts *f, const samples *s, const response *r, const noise_model *noise,
                        const double *lnt, errmsg *e)
 {
-    sums t = {.most = 4 * MANY};
+    sums t = {.most = MANY};
     int bad = 0;
     t.d = malloc(sizeof *t.d * (size_t)t.most * (size_t)s->exposures);
     t.n = calloc((size_t)s->exposures, sizeof *t.n);
@@ -290,6 +309,7 @@ int contradict_measure(contradict_facts *f, const samples *s, const response *r,
         f->share = t.differ / t.pixels;
         f->pairs = (int)pairs;
         find_cause(f, &t, s->exposures);
+        f->usual = usual_difference(&t, s->exposures);
     }
     free(t.d);
     free(t.n);

@@ -24,12 +24,16 @@ typedef enum contradict_cause {
 
 typedef struct contradict_facts {
     double stops;      /* rms difference of neighbouring exposures beyond noise, log2; differences count up to 2 */
+    double usual;      /* deviation of a normal distribution with the differences' median, ln */
     double share;      /* part of the pixels whose exposures differ by more than a quarter stop beyond noise */
     int pairs;         /* of samples that were compared; 0: nothing is known */
     contradict_cause cause;
     int exposure;      /* CAUSE_EXPOSURE: which one, and by how many stops it is too bright for its time */
     double off;
 } contradict_facts;
+
+/* More than cameras on a tripod and scenes at rest show. */
+int contradict_matters(const contradict_facts *f);
 
 /* Response and noise as they came out. */
 int contradict_measure(contradict_facts *f, const samples *s, const response *r, const noise_model *noise,

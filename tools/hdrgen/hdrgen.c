@@ -17,7 +17,7 @@ static struct {
     job_opts job;
     output_opts out;
     const char *times, *save_response, *plot;
-    int verbose;
+    int verbose, strict;
 } set = {.job = {.lambda = 1, .gain = -1, .read_noise = -1, .memory = (int64_t)256 << 20}};
 
 /* ---- values with a syntax of their own ----------------------------------------------------------- */
@@ -182,6 +182,7 @@ static const cli_opt options[] = {
     {"type", 0, CLI_CALL, &set.out, take_type, "T", "OpenEXR values: float (default) or half"},
     {"compression", 0, CLI_STRING, &set.out.compression, NULL, "C",
      "OpenEXR: none, rle, zips, zip (default), piz or dwaa"},
+    {"strict", 0, CLI_FLAG, &set.strict, NULL, NULL, "fail where the exposures contradict each other"},
     {"verbose", 'v', CLI_FLAG, &set.verbose, NULL, NULL, "say what was found, on standard error"},
     {0},
 };
@@ -260,6 +261,46 @@ static void note_white(const job *j)
                  j->shots[0].path, w[0], w[1], w[2], top);
 }
 
+/* One line on exposures that contradict each other, with what the pattern tells of the cause. */
+static void contradiction(char *words, size_t size, const job *j)
+{
+    const contradict_facts *d = &j->facts.contradict;
+    int n = snprintf(words, size, "the exposures disagree by %.2f stop rms (.1 is usual), %.2g %% of the pixels by more than a quarter: ", d->stops,
+                     100 * d->share);
+    if (n < 0 || (size_t)n >= size)
+        return;
+    words += n;
+    size -= (size_t)n;
+    switch (d->cause) {
+    case CAUSE_EXPOSURE:
+        snprintf(words, size, "%s is off by %+.1f stop: wrong time, other settings, moved camera or tone mapping?",
+                 j->shots[d->exposure].path, d->off);
+        break;
+    case CAUSE_REGION:
+        snprintf(words, size, "most of it in few places: something moving?");
+        break;
+    case CAUSE_CAMERA:
+        snprintf(words, size, "most of it at edges: moved camera?");
+        break;
+    case CAUSE_CURVE:
+        snprintf(words, size, "no one curve fits them: wrong times, tone mapping, other settings or moved camera?");
+        break;
+    default:
+        snprintf(words, size, "moved camera, something moving, tone mapping or wrong times?");
+    }
+}
+
+static void say_contradiction(const job *j)
+{
+    char words[1024];
+    if (!contradict_matters(&j->facts.contradict))
+        return;
+    contradiction(words, sizeof words, j);
+    if (set.strict)
+        cli_fail(CLI_FAILED, "%s", words);
+    cli_note("%s", words);
+}
+
 static void summary(const job *j)
 {
     notes_exposures(j);
@@ -321,7 +362,10 @@ int main(int argc, char **argv)
         cli_fail(CLI_FAILED, "out of memory");
     for (int k = 0; k < j.n; k++)
         j.shots[k].path = argv[k + 1];
-    if (job_open(&j, set.times, &e) || job_calibrate(&j, &e) || job_merge(&j, &e))
+    if (job_open(&j, set.times, &e) || job_calibrate(&j, &e))
+        cli_fail(CLI_FAILED, "%s", e.text);
+    say_contradiction(&j);
+    if (job_merge(&j, &e))
         cli_fail(CLI_FAILED, "%s", e.text);
     if (set.verbose)
         report(&j);

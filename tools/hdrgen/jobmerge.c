@@ -9,6 +9,9 @@
 #include "finish.h"
 #include "job.h"
 
+/* Deghosting: relative differences up to so many times what is usual in the series are none, within bounds. */
+static const double usual_differences = 5, least_tolerance = 0.06, most_tolerance = 0.5;
+
 /* What one thread needs for a row. */
 typedef struct bench {
     const uint16_t **at;   /* [n] */
@@ -65,6 +68,7 @@ static int lanes_of_row(lane out[CFA_MOST], const job *j, int y)
 typedef struct strip {
     const uint16_t **codes;  /* [n] */
     const uint8_t **missing; /* [n] */
+    uint64_t *votes, *room;  /* [strip rows * width] for deghosting, or NULL */
     int y, rows;
 } strip;
 
@@ -99,6 +103,57 @@ static void fill_pedestal(const job *j, bench *b, int y)
         }
 }
 
+/* What contradicts in one channel goes in all. */
+static void vote(job *j, const merge *m, const strip *s, int row, bench *b)
+{
+    int w = frames_get_facts(j->frames)->width;
+    uint64_t *votes = s->votes + (size_t)row * (size_t)w;
+    lane lanes[CFA_MOST];
+    int n = lanes_of_row(lanes, j, s->y + row);
+    if (j->dark)
+        fill_pedestal(j, b, s->y + row);
+    memset(votes, 0, sizeof *votes * (size_t)w);
+    for (int l = 0; l < n; l++) {
+        merge_row r = row_for(j, &lanes[l], b, s, row);
+        if (!j->mosaic) {
+            merge_find_ghosts(m, lanes[l].channel, &r, votes);
+            continue;
+        }
+        memset(b->reject, 0, sizeof *b->reject * (size_t)r.count);
+        merge_find_ghosts(m, lanes[l].channel, &r, b->reject);
+        for (int i = 0; i < r.count; i++)
+            votes[lanes[l].first + i * lanes[l].step] = b->reject[i];
+    }
+}
+
+/* In a mosaic the photosites of a cell of the pattern see one place in its colours: what one says goes for all. */
+static void share_votes(const job *j, const strip *s)
+{
+    int w = frames_get_facts(j->frames)->width, wide = j->mosaic->columns, high = j->mosaic->rows;
+    for (int y = 0; y < s->rows; y += high)
+        for (int x = 0; x < w; x += wide) {
+            uint64_t any = 0;
+            for (int pass = 0; pass < 2; pass++)
+                for (int v = y; v < y + high && v < s->rows; v++)
+                    for (int u = x; u < x + wide && u < w; u++) {
+                        uint64_t *one = &s->votes[(size_t)v * (size_t)w + (size_t)u];
+                        any |= *one;
+                        *one = pass ? any : *one;
+                    }
+        }
+}
+
+/* The row's votes, one after the other as the lane's pixels are. */
+static const uint64_t *votes_of(const job *j, const strip *s, const lane *l, int row, bench *b)
+{
+    const uint64_t *votes = s->votes ? s->votes + (size_t)row * (size_t)frames_get_facts(j->frames)->width : NULL;
+    if (!votes || !j->mosaic)
+        return votes;
+    for (int i = 0; i < l->count; i++)
+        b->reject[i] = votes[l->first + i * l->step];
+    return b->reject;
+}
+
 static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
 {
     int w = frames_get_facts(j->frames)->width, y = s->y + row;
@@ -110,22 +165,9 @@ static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
         memset(j->count + out, 255, (size_t)w);
     if (j->dark)
         fill_pedestal(j, b, y);
-    memset(b->reject, 0, sizeof *b->reject * (size_t)w);
-    if (j->opts.deghost && !j->mosaic) { /* what contradicts in one channel goes in all */
-        for (int l = 0; l < n; l++) {
-            merge_row r = row_for(j, &lanes[l], b, s, row);
-            merge_find_ghosts(m, lanes[l].channel, &r, b->reject);
-        }
-        merge_settle_ghosts(m, b->reject, b->reject + w, w);
-    }
     for (int l = 0; l < n; l++) {
         merge_row r = row_for(j, &lanes[l], b, s, row);
-        if (j->opts.deghost && j->mosaic) {
-            memset(b->reject, 0, sizeof *b->reject * (size_t)w);
-            merge_find_ghosts(m, lanes[l].channel, &r, b->reject);
-            merge_settle_ghosts(m, b->reject, b->reject + w, r.count);
-        }
-        r.reject = j->opts.deghost ? b->reject : NULL;
+        r.reject = votes_of(j, s, &lanes[l], row, b);
         merge_do_row(m, lanes[l].channel, &r);
         for (int i = 0; i < r.count; i++) {
             size_t x = out + (size_t)(lanes[l].first + i * lanes[l].step);
@@ -171,6 +213,17 @@ static int all_rows(job *j, const merge *m, strip *s, errmsg *e)
             if (bad) {
 #pragma omp atomic write
                 failed = 1;
+            }
+            if (s->votes) {
+#pragma omp for schedule(static)
+                for (int row = 0; row < rows; row++)
+                    if (!bad)
+                        vote(j, m, s, row, &b);
+#pragma omp single
+                {
+                    if (j->mosaic) share_votes(j, s);
+                    merge_gather_ghosts(m, s->votes, s->room, f->width, rows);
+                }
             }
 #pragma omp for schedule(static)
             for (int row = 0; row < rows; row++)
@@ -357,6 +410,16 @@ int job_merge(job *j, errmsg *e)
         err_set(e, "out of memory");
     if (!s.codes || !s.missing || !m || allocate(j, e))
         goto done;
+    if (j->opts.deghost) {
+        size_t most = (size_t)frames_strip_rows(j->frames) * (size_t)frames_get_facts(j->frames)->width;
+        s.votes = malloc(most * sizeof *s.votes);
+        s.room = malloc(most * sizeof *s.room);
+        if (!s.votes || !s.room) {
+            err_set(e, "out of memory");
+            goto done;
+        }
+    }
+    merge_set_tolerance(m, fmin(fmax(least_tolerance, usual_differences * j->facts.contradict.usual), most_tolerance));
     j->facts.scale = 1;
     j->facts.merge_s += job_cpu_s() - t0;
     bad = all_rows(j, m, &s, e);
@@ -374,6 +437,8 @@ int job_merge(job *j, errmsg *e)
 done:
     free(s.codes);
     free(s.missing);
+    free(s.votes);
+    free(s.room);
     merge_free(m);
     return bad;
 }

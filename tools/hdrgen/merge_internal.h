@@ -36,6 +36,7 @@ typedef struct merge_channel {
 struct merge {
     int n, channels, max_code;
     merge_weight weight;
+    float tolerance; /* of ghost.c */
     int *order;  /* exposures from the longest to the shortest; the arrays below are in that order */
     float *rt;   /* 1 / t */
     float *lnt;  /* ln t */

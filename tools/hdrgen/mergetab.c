@@ -171,6 +171,7 @@ merge *merge_new(const response *r, const noise_model *noise, const double *expo
     m->channels = r->channels;
     m->max_code = r->max_code;
     m->weight = weight;
+    m->tolerance = 0.06f;
     for (int k = 0; k < n; k++) {
         int s = 0;
         for (int i = 0; i < n; i++)
