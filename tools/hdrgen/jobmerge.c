@@ -9,7 +9,8 @@
 #include "finish.h"
 #include "job.h"
 
-/* Deghosting: relative differences up to so many times what is usual in the series are none, within bounds. */
+/* Deghosting: relative differences up to so many times what is usual in the series are none, within bounds.
+ */
 static const double usual_differences = 5, least_tolerance = 0.06, most_tolerance = 0.5;
 
 /* What one thread needs for a row. */
@@ -110,8 +111,7 @@ static void vote(job *j, const merge *m, const strip *s, int row, bench *b)
     uint64_t *votes = s->votes + (size_t)row * (size_t)w;
     lane lanes[CFA_MOST];
     int n = lanes_of_row(lanes, j, s->y + row);
-    if (j->dark)
-        fill_pedestal(j, b, s->y + row);
+    if (j->dark) fill_pedestal(j, b, s->y + row);
     memset(votes, 0, sizeof *votes * (size_t)w);
     for (int l = 0; l < n; l++) {
         merge_row r = row_for(j, &lanes[l], b, s, row);
@@ -121,12 +121,12 @@ static void vote(job *j, const merge *m, const strip *s, int row, bench *b)
         }
         memset(b->reject, 0, sizeof *b->reject * (size_t)r.count);
         merge_find_ghosts(m, lanes[l].channel, &r, b->reject);
-        for (int i = 0; i < r.count; i++)
-            votes[lanes[l].first + i * lanes[l].step] = b->reject[i];
+        for (int i = 0; i < r.count; i++) votes[lanes[l].first + i * lanes[l].step] = b->reject[i];
     }
 }
 
-/* In a mosaic the photosites of a cell of the pattern see one place in its colours: what one says goes for all. */
+/* In a mosaic the photosites of a cell of the pattern see one place in its colours: what one says goes for
+ * all. */
 static void share_votes(const job *j, const strip *s)
 {
     int w = frames_get_facts(j->frames)->width, wide = j->mosaic->columns, high = j->mosaic->rows;
@@ -146,11 +146,10 @@ static void share_votes(const job *j, const strip *s)
 /* The row's votes, one after the other as the lane's pixels are. */
 static const uint64_t *votes_of(const job *j, const strip *s, const lane *l, int row, bench *b)
 {
-    const uint64_t *votes = s->votes ? s->votes + (size_t)row * (size_t)frames_get_facts(j->frames)->width : NULL;
-    if (!votes || !j->mosaic)
-        return votes;
-    for (int i = 0; i < l->count; i++)
-        b->reject[i] = votes[l->first + i * l->step];
+    const uint64_t *votes =
+        s->votes ? s->votes + (size_t)row * (size_t)frames_get_facts(j->frames)->width : NULL;
+    if (!votes || !j->mosaic) return votes;
+    for (int i = 0; i < l->count; i++) b->reject[i] = votes[l->first + i * l->step];
     return b->reject;
 }
 
@@ -163,8 +162,7 @@ static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
     memset(j->flags + out, 0, (size_t)w);
     if (j->count)
         memset(j->count + out, 255, (size_t)w);
-    if (j->dark)
-        fill_pedestal(j, b, y);
+    if (j->dark) fill_pedestal(j, b, y);
     for (int l = 0; l < n; l++) {
         merge_row r = row_for(j, &lanes[l], b, s, row);
         r.reject = votes_of(j, s, &lanes[l], row, b);
@@ -217,8 +215,7 @@ static int all_rows(job *j, const merge *m, strip *s, errmsg *e)
             if (s->votes) {
 #pragma omp for schedule(static)
                 for (int row = 0; row < rows; row++)
-                    if (!bad)
-                        vote(j, m, s, row, &b);
+                    if (!bad) vote(j, m, s, row, &b);
 #pragma omp single
                 {
                     if (j->mosaic) share_votes(j, s);
@@ -419,7 +416,8 @@ int job_merge(job *j, errmsg *e)
             goto done;
         }
     }
-    merge_set_tolerance(m, fmin(fmax(least_tolerance, usual_differences * j->facts.contradict.usual), most_tolerance));
+    merge_set_tolerance(
+        m, fmin(fmax(least_tolerance, usual_differences * j->facts.contradict.usual), most_tolerance));
     j->facts.scale = 1;
     j->facts.merge_s += job_cpu_s() - t0;
     bad = all_rows(j, m, &s, e);
