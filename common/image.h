@@ -107,10 +107,18 @@ typedef struct img_plane {
 } img_plane;
 typedef struct img_attr {
     const char *name;
-    enum { IMG_ATTR_STRING, IMG_ATTR_FLOAT, IMG_ATTR_V3F, IMG_ATTR_INT, IMG_ATTR_FLOATS } kind;
+    enum {
+        IMG_ATTR_STRING,
+        IMG_ATTR_FLOAT,
+        IMG_ATTR_V3F,
+        IMG_ATTR_INT,
+        IMG_ATTR_FLOATS,
+        IMG_ATTR_CHROMATICITIES
+    } kind;
     const char *s;
     double v[3];       /* FLOAT: v[0]; V3F: v[0..2]; INT: v[0] */
-    const float *f;    /* FLOATS: n values (floatvector) */
+    const float *f; /* FLOATS: n values (floatvector); CHROMATICITIES: x, y of red, green, blue, white (.hdr:
+                       PRIMARIES=) */
     int n;
 } img_attr;
 

@@ -19,6 +19,7 @@ static int put_attr(ImfHeader *h, const img_attr *a)
     case IMG_ATTR_V3F:
         return ImfHeaderSetV3fAttribute(h, a->name, (float)a->v[0], (float)a->v[1], (float)a->v[2]);
     case IMG_ATTR_FLOATS:
+    case IMG_ATTR_CHROMATICITIES:
         break; /* the interface has no call for it */
     }
     return 0;

@@ -114,6 +114,11 @@ static int header_line(img_reader *r, hdr_state *s, const char *line, errmsg *e)
         if (positive_numbers(line + 10, v, 1) < 0)
             return img_bad(r, e, "expected PIXASPECT= with a positive number, found '%.100s'", line);
         r->info.pixel_aspect *= v[0];
+    } else if (strncmp(line, "aperture=", 9) ==
+               0) { /* as hdrgen writes it; nothing hangs on it being a number */
+        if (positive_numbers(line + 9, v, 1) == 0) r->info.f_number = v[0];
+    } else if (strncmp(line, "isoSpeed=", 9) == 0) {
+        if (positive_numbers(line + 9, v, 1) == 0) r->info.iso = v[0];
     } else if (strncmp(line, "PRIMARIES=", 10) == 0) {
         return primaries_line(r, s, line, e);
     }

@@ -98,4 +98,7 @@ int img_write_exr(const img *im, outfile *o, const char *path, const img_write_o
 int img_write_hdr(const img *im, outfile *o, const char *path, const img_write_opts *opts, errmsg *e);
 int img_write_png(const img *im, outfile *o, const char *path, const img_write_opts *opts, errmsg *e);
 
+/* NULL, or the name of a picture format that is not read here and what converts it (image_foreign.c). */
+const char *img_foreign(const unsigned char *head, size_t n);
+
 #endif

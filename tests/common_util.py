@@ -36,7 +36,7 @@ def refused(p, code=1):
 def load(path, tmp_path, how="dump", **kw):
     """(height, width, channels) float32 as our reader gives it."""
     out = tmp_path / "pixels.f32"
-    p = run(IMGTOOL, how, path, out, **kw)
+    p = run(IMGTOOL, "--quiet", how, path, out, **kw)
     assert p.returncode == 0, p.stderr.decode()
     assert p.stderr == b""
     w, h, c = np.fromfile(out, np.int32, 3)

@@ -36,7 +36,7 @@ double cpu_thread_seconds(void)
     return clock_seconds(CLOCK_THREAD_CPUTIME_ID);
 }
 
-void remark(outcome *o, const char *fmt, ...)
+void outcome_note(outcome *o, const char *fmt, ...)
 {
     va_list ap;
     size_t n = strlen(o->remark);
@@ -137,7 +137,7 @@ static int make_disc(chart *c, outcome *o, const settings *s, view_kind kind, co
         const lens_use use = {.fov_deg = s->fov_deg, .width = w, .height = h, .placed = im && s->radius > 0, .centre = im && s->have_centre ? s->centre : NULL};
         if (lens_read_for(&l, said, s->lens, &use, e)) return -1;
         if (!im && l.focal_px > 0) cx = l.centre_px[0], cy = l.centre_px[1], r = l.focal_px / l.scale; /* the camera's picture, as it takes it */
-        if (said[0] && !strstr(o->remark, said)) remark(o, "%s", said);
+        if (said[0] && !strstr(o->remark, said)) outcome_note(o, "%s", said);
     }
     if (im && place_disc(&cx, &cy, &r, s, &l, im, e)) return -1;
     chart_disc(c, w, h, &l, cx, cy, r, kind == VIEW_BALL, 0, 0, 0);
@@ -313,7 +313,7 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
         int failed = !f || falloff_read(f, s->falloff, src.lens.half, s->falloff_set, fn, e);
         if (!failed) falloff_apply(im.pix, 4, &src, f);
         if (!failed && f->chosen[0])
-            remark(o, "%s: took the set %s; choose with --aperture or --falloff-set", s->falloff, f->chosen);
+            outcome_note(o, "%s: took the set %s; choose with --aperture or --falloff-set", s->falloff, f->chosen);
         free(f);
         if (failed) goto done;
     }
@@ -335,9 +335,9 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
     }
     outside_fill(rgb, alpha, s->out_w, s->out_h, s->outside);
     const int hdr = is_hdr(s->out), named = hdr && radiance_view(view, sizeof view, &dst, s->to) == 0;
-    if (hdr && is_disc(s->to) && !named) remark(o, "%s: Radiance has no name for this view, so there is no VIEW line", s->out);
+    if (hdr && is_disc(s->to) && !named) outcome_note(o, "%s: Radiance has no name for this view, so there is no VIEW line", s->out);
     if (hdr && o->covered < 0.9995 && s->outside != OUTSIDE_HOLD)
-        remark(o, "%s: %.1f %% of what it shows is not in IN, and black: no alpha channel in .hdr", s->out, 100 * (1 - o->covered));
+        outcome_note(o, "%s: %.1f %% of what it shows is not in IN, and black: no alpha channel in .hdr", s->out, 100 * (1 - o->covered));
     rc = result_write(s, rgb, alpha, partial, named ? view : NULL, e);
 done:
     free(rgb);

@@ -103,7 +103,7 @@ int result_write(const settings *s, const float *rgb, const float *alpha, int pa
 int radiance_view(char *text, size_t room, const chart *c, view_kind kind);
 
 /* Add to the remarks. */
-void remark(outcome *o, const char *fmt, ...) __attribute__((format(printf, 2, 3)));
+void outcome_note(outcome *o, const char *fmt, ...) __attribute__((format(printf, 2, 3)));
 
 /* Take c's camera as the settings turn it (chart.h). */
 void turn_chart(chart *c, const settings *s, int mirror);

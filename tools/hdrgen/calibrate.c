@@ -27,11 +27,28 @@ static const double misfit_steps = 1;
 static const double least_lambda = 0.01; /* Gauss-Newton needs some hold where data are few */
 static const double longest_step = 0.5;  /* of any spline coefficient in one round */
 
+/* What no curve explains is not independent from bin to bin: it is smooth, and where exposures are P stops apart, an error
+ * of the curve with that period is all but invisible to the data.  The means' own scatter therefore counts this many times,
+ * more where P is large (tried on series of one stop against every second and third of their own exposures). */
+static double sharing(const double *lnt, int kk)
+{
+    double step = 0;
+    int steps = 0;
+    for (int k = 1; k < kk; k++)
+        if (lnt[k] > lnt[k - 1] + 0.1) {
+            step += lnt[k] - lnt[k - 1];
+            steps++;
+        }
+    step = steps ? fmax(step / steps / M_LN2, 1) : 1;
+    return fmin(3 * pow(step, 8), 3000);
+}
+
 /* Rows of one channel; columns: spline changes (if fitted), then time changes (if fitted). */
 static int add_rows(qrls *q, const channel *h, const response *r, const double *lnt,
                     const basis *b, int curve_cols, int time_cols, double *rows, double *u)
 {
     int m = qrls_columns(q) + 1;
+    double shared = sharing(lnt, h->kk);
     for (int i = 0; i < BINS; i++) {
         int used = 0;
         for (int k = 0; k < h->kk; k++) {
@@ -39,7 +56,7 @@ static int add_rows(qrls *q, const channel *h, const response *r, const double *
             double w = h->w[i * h->kk + k];
             if (c->n < 1 || !(w > 0))
                 continue;
-            w = 1 / sqrt(1 / (w * c->n) + h->model_error);
+            w = 1 / sqrt(1 / (w * c->n) + shared * h->model_error);
             double *row = rows + (size_t)used * (size_t)m, f[4];
             memset(row, 0, sizeof *row * (size_t)m);
             if (curve_cols) {
@@ -198,6 +215,7 @@ static int copy_response(response *to, const response *from, errmsg *e)
     if (response_alloc(to, from->channels, from->max_code, e))
         return -1;
     memcpy(to->origin, from->origin, sizeof to->origin);
+    memcpy(to->clip, from->clip, sizeof to->clip);
     for (int c = 0; c < from->channels; c++)
         memcpy(to->finv[c], from->finv[c], sizeof *to->finv[c] * (size_t)(from->max_code + 1));
     return 0;
@@ -230,12 +248,12 @@ int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, 
     int kk = s->exposures, code = -1;
     double *t = malloc(sizeof *t * (size_t)kk);
     memset(facts, 0, sizeof *facts);
-    basis_init(&b, s->max_code);
     if (!t || copy_response(&work, r, e)) {
         free(t);
         return t ? -1 : err_set(e, "out of memory");
     }
     memcpy(t, lnt, sizeof *t * (size_t)kk);
+    basis_init(&b, response_top(&work));
     for (int c = 0; c < r->channels; c++) {
         m[c] = noise[c];
         if (channel_alloc(&h[c], s, c)) {

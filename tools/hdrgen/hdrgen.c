@@ -11,6 +11,7 @@
 
 #include "cli.h"
 #include "job.h"
+#include "notes.h"
 #include "output.h"
 #include "plot.h"
 
@@ -18,7 +19,7 @@ static struct {
     job_opts job;
     output_opts out;
     const char *times, *save_response, *plot;
-    int verbose, dry_run;
+    int verbose, strict, dry_run;
 } set = {.job = {.lambda = 1, .gain = -1, .read_noise = -1, .memory = (int64_t)256 << 20}};
 
 /* ---- values with a syntax of their own ----------------------------------------------------------- */
@@ -68,9 +69,8 @@ static int take_bayer(const char *v, void *arg, errmsg *e)
     static const char *const known[] = {"RGGB", "BGGR", "GRBG", "GBRG"};
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
         if (strcmp(v, known[i]) == 0) {
-            for (int p = 0; p < 4; p++)
-                o->bayer[p] = v[p] == 'R' ? 0 : v[p] == 'G' ? 1 : 2;
-            o->has_bayer = 1;
+            o->bayer = (cfa){.columns = 2, .rows = 2};
+            for (int p = 0; p < 4; p++) o->bayer.colour[p] = v[p] == 'R' ? 0 : v[p] == 'G' ? 1 : 2;
             return 0;
         }
     return err_set(e, "expected RGGB, BGGR, GRBG or GBRG, found \"%s\"", v);
@@ -119,6 +119,18 @@ static int take_circle(const char *v, void *arg, errmsg *e)
                ? 0 : err_set(e, "expected X,Y,R in pixels or R over half the shorter side, R above 0, found \"%s\"", v);
 }
 
+static int take_colour(const char *v, void *arg, errmsg *e)
+{
+    job_opts *o = arg;
+    static const colour_space known[] = {COLOUR_SRGB, COLOUR_CAMERA, COLOUR_XYZ, COLOUR_ACESCG};
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (strcmp(v, colour_name(known[i])) == 0) {
+            o->colour = known[i];
+            return 0;
+        }
+    return err_set(e, "expected srgb, camera, xyz or acescg, found \"%s\"", v);
+}
+
 static int take_type(const char *v, void *arg, errmsg *e)
 {
     output_opts *o = arg;
@@ -132,7 +144,8 @@ static int take_type(const char *v, void *arg, errmsg *e)
 }
 
 static const cli_opt options[] = {
-    {"output", 'o', CLI_STRING, &set.out.path, NULL, "OUT", "radiance: .exr or .hdr, \"-\" for .hdr on standard output"},
+    {"output", 'o', CLI_STRING, &set.out.path, NULL, "OUT",
+     "radiance: .exr or .hdr, \"-\" for .hdr on standard output"},
     {"times", 't', CLI_STRING, &set.times, NULL, "FILE",
      "exposure times: lines \"image seconds\" (default: from the images' EXIF data)"},
     {"response", 'r', CLI_CALL, &set.job, take_response, "KIND",
@@ -143,33 +156,50 @@ static const cli_opt options[] = {
     {"plot", 0, CLI_STRING, &set.plot, NULL, "FILE", "draw the response and its sample points into a PNG"},
     {"weight", 'w', CLI_CALL, &set.job, take_weight, "KIND",
      "noise: inverse variance (default); debevec: hat, zero at both ends"},
-    {"gain", 0, CLI_DOUBLE, &set.job.gain, NULL, "E", "electrons per code of the linearised scale (default: estimated)"},
-    {"read-noise", 0, CLI_DOUBLE, &set.job.read_noise, NULL, "E", "read noise in electrons, with --gain (default: estimated)"},
+    {"gain", 0, CLI_DOUBLE, &set.job.gain, NULL, "E",
+     "electrons per code of the linearised scale (default: estimated)"},
+    {"read-noise", 0, CLI_DOUBLE, &set.job.read_noise, NULL, "E",
+     "read noise in electrons, with --gain (default: estimated)"},
     {"refine-times", 0, CLI_FLAG, &set.job.refine_times, NULL, NULL,
      "estimate the times from the overlap; the middle one is held"},
-    {"deghost", 0, CLI_FLAG, &set.job.deghost, NULL, NULL, "leave out samples that contradict the other exposures"},
+    {"deghost", 0, CLI_FLAG, &set.job.deghost, NULL, NULL,
+     "leave out samples that contradict the other exposures"},
     {"sigma", 0, CLI_FLAG, &set.job.want_sigma, NULL, NULL,
      "add channels sigma.R, .G, .B: the standard deviation (OpenEXR)"},
     {"count", 0, CLI_FLAG, &set.job.want_count, NULL, NULL,
      "add channel exposures: how many had a say (least of the colours; OpenEXR)"},
     {"flags", 0, CLI_FLAG, &set.out.want_flags, NULL, NULL,
      "add channel flags: 1 clipped everywhere, 2 black everywhere, 4 one or the other\n"
-     "everywhere, 8 samples left out by --deghost (OpenEXR)"},
-    {"calibrate", 0, CLI_CALL, &set.job, take_patch, "X,Y,W,H=L", "scale so that this rectangle has L cd/m2 on average"},
-    {"dark", 0, CLI_STRING, &set.job.dark, NULL, "FILE", "dark frame: its exposure is subtracted from every image"},
-    {"flat", 0, CLI_STRING, &set.job.flat, NULL, "FILE", "flat field: the radiance is divided by it (mean 1)"},
-    {"hot", 0, CLI_STRING, &set.job.hot, NULL, "FILE", "mask: pixels that aren't 0 in it are filled from their neighbours"},
+     "everywhere, 8 samples left out by --deghost, 16 missing everywhere (OpenEXR)"},
+    {"calibrate", 0, CLI_CALL, &set.job, take_patch, "X,Y,W,H=L",
+     "scale so that this rectangle has L cd/m2 on average"},
+    {"dark", 0, CLI_STRING, &set.job.dark, NULL, "FILE",
+     "dark frame: its exposure is subtracted from every image"},
+    {"flat", 0, CLI_STRING, &set.job.flat, NULL, "FILE",
+     "flat field: the radiance is divided by it (mean 1)"},
+    {"hot", 0, CLI_STRING, &set.job.hot, NULL, "FILE",
+     "mask: pixels that aren't 0 in it are filled from their neighbours"},
     {"bayer", 0, CLI_CALL, &set.job, take_bayer, "ORDER",
      "grey images are a Bayer mosaic: RGGB, BGGR, GRBG or GBRG; merged, then interpolated"},
-    {"half-size", 0, CLI_FLAG, &set.job.half_size, NULL, NULL, "camera raw: one pixel for each 2x2 of the sensor"},
-    {"bits", 0, CLI_INT, &set.job.bits, NULL, "B", "codes fill B bits of their files', from the lowest (default: all)"},
-    {"fill", 0, CLI_CALL, &set.job, take_fill, "R,G,B", "pixels of exactly these codes are missing in that image"},
+    {"colour", 0, CLI_CALL, &set.job, take_colour, "SPACE",
+     "camera raw: srgb (linear, default), xyz, acescg, or camera: the sensor's own after\n"
+     "white balance"},
+    {"half-size", 0, CLI_FLAG, &set.job.half_size, NULL, NULL,
+     "camera raw: one pixel for each 2x2 of the sensor"},
+    {"bits", 0, CLI_INT, &set.job.bits, NULL, "B",
+     "codes fill B bits of their files', from the lowest (default: all)"},
+    {"white", 0, CLI_INT, &set.job.white, NULL, "CODE",
+     "codes from this on are clipped (default: found from the series)"},
+    {"fill", 0, CLI_CALL, &set.job, take_fill, "R,G,B",
+     "pixels of exactly these codes are missing in that image"},
     {"circle", 0, CLI_CALL, &set.job, take_circle, "R|X,Y,R",
      "image circle of a fisheye: pixels outside of it are not counted as clipped or black; R over half the shorter side about the middle, or centre and "
      "radius in pixels (default, or 0: all count)"},
     {"dry-run", 0, CLI_FLAG, &set.dry_run, NULL, NULL, "check the options and the files that they name; read no image, write nothing"},
     {"type", 0, CLI_CALL, &set.out, take_type, "T", "OpenEXR values: float (default) or half"},
-    {"compression", 0, CLI_STRING, &set.out.compression, NULL, "C", "OpenEXR: none, rle, zips, zip (default), piz or dwaa"},
+    {"compression", 0, CLI_STRING, &set.out.compression, NULL, "C",
+     "OpenEXR: none, rle, zips, zip (default), piz or dwaa"},
+    {"strict", 0, CLI_FLAG, &set.strict, NULL, NULL, "fail where the exposures contradict each other"},
     {"verbose", 'v', CLI_FLAG, &set.verbose, NULL, NULL, "say what was found, on standard error"},
     {0},
 };
@@ -191,6 +221,7 @@ static void report(const job *j)
     const frames_facts *f = frames_get_facts(j->frames);
     fprintf(stderr, "%d images, %dx%d, %d channel%s, codes 0..%d; response %s\n", f->n, f->width, f->height,
             f->channels, f->channels == 1 ? "" : "s", f->max_code, j->response.origin);
+    report_shots(j);
     for (int c = 0; c < j->response.channels; c++) {
         const noise_model *n = &j->noise[c];
         if (j->facts.solve.condition[c] > 0)
@@ -206,6 +237,9 @@ static void report(const job *j)
                     n->read / n->photon);
         fputc('\n', stderr);
     }
+    const contradict_facts *d = &j->facts.contradict;
+    fprintf(stderr, "neighbouring exposures differ by %.3f stops rms, %.3g %% of pixels by more than a quarter, cause %d\n", d->stops,
+            100 * d->share, (int)d->cause);
     fprintf(stderr, "CPU s: reading %.3f, recovering %.3f, merging %.3f\n", j->facts.read_s,
             j->facts.recover_s, j->facts.merge_s);
 }
@@ -223,18 +257,79 @@ static void note_pixels(long n, const job *j, const char *what)
         cli_note("%ld pixels (%.3g %%%s) %s", n, 100.0 * (double)n / (double)j->facts.counted, j->opts.circle[2] > 0 ? " of the circle" : "", what);
 }
 
+/* Where white was found below the files' highest code, by more than rounding. */
+static void note_white(const job *j)
+{
+    const int *w = j->facts.clip, top = j->samples.max_code, n = j->samples.channels;
+    const int *known = frames_get_facts(j->frames)->clip; /* camera raw states it */
+    int low = top, found = 0;
+    for (int c = 0; c < n; c++) {
+        low = w[c] < low ? w[c] : low;
+        found |= w[c] < known[c];
+    }
+    if (!found || j->opts.white || low >= top - top / 255)
+        return;
+    if (n == 1 || (w[0] == w[1] && w[1] == w[2]))
+        cli_note("%s: white lies at code %d of %d in this series: from there on is clipped (--white says otherwise)", j->shots[0].path,
+                 low, top);
+    else
+        cli_note("%s: white lies at codes %d, %d, %d of %d in this series: from there on is clipped (--white says otherwise)",
+                 j->shots[0].path, w[0], w[1], w[2], top);
+}
+
+/* One line on exposures that contradict each other, with what the pattern tells of the cause. */
+static void contradiction(char *words, size_t size, const job *j)
+{
+    const contradict_facts *d = &j->facts.contradict;
+    int n = snprintf(words, size, "the exposures disagree by %.2f stop rms (.1 is usual), %.2g %% of the pixels by more than a quarter: ", d->stops,
+                     100 * d->share);
+    if (n < 0 || (size_t)n >= size)
+        return;
+    words += n;
+    size -= (size_t)n;
+    switch (d->cause) {
+    case CAUSE_EXPOSURE:
+        snprintf(words, size, "%s is off by %+.1f stop: wrong time, other settings, moved camera or tone mapping?",
+                 j->shots[d->exposure].path, d->off);
+        break;
+    case CAUSE_REGION:
+        snprintf(words, size, "most of it in few places: something moving?");
+        break;
+    case CAUSE_CAMERA:
+        snprintf(words, size, "most of it at edges: moved camera?");
+        break;
+    case CAUSE_CURVE:
+        snprintf(words, size, "no one curve fits them: wrong times, tone mapping, other settings or moved camera?");
+        break;
+    default:
+        snprintf(words, size, "moved camera, something moving, tone mapping or wrong times?");
+    }
+}
+
+static void say_contradiction(const job *j)
+{
+    char words[1024];
+    if (!contradict_matters(&j->facts.contradict))
+        return;
+    contradiction(words, sizeof words, j);
+    if (set.strict)
+        cli_fail(CLI_FAILED, "%s", words);
+    cli_note("%s", words);
+}
+
 static void summary(const job *j)
 {
-    if (j->facts.assumed_time)
-        cli_note("%s: no exposure time: 1 s assumed", j->shots[0].path);
+    notes_exposures(j);
+    notes_turn(j);
     if (j->facts.bits_used)
         cli_warn("%s: the codes of this series end at %d, where files of this kind end at %d: if that is where the camera clips, give --bits %d",
                  j->shots[0].path, (1 << j->facts.bits_used) - 1, frames_get_facts(j->frames)->max_code, j->facts.bits_used);
-    if (j->facts.varies)
-        cli_note("ISO or f-number vary: taken into account relative to %s", j->shots[0].path);
+    note_white(j);
+    notes_colours(j);
     note_pixels(j->facts.clipped, j, "clipped in every exposure: lower bound");
     note_pixels(j->facts.black, j, "black in every exposure: upper bound");
     note_pixels(j->facts.gap, j, "clipped or black in every exposure: between two bounds");
+    note_pixels(j->facts.missing, j, "missing in every exposure: 0, and alpha 0 in OpenEXR");
     note_pixels(j->facts.ghosts, j, "with samples left out by --deghost");
 }
 
@@ -245,6 +340,8 @@ static void check_usage(int images)
         cli_fail(CLI_USAGE, "expected -o OUT, found none");
     if (o->bits && (o->bits < 2 || o->bits > 16))
         cli_fail(CLI_USAGE, "--bits: expected 2 to 16, found %d", o->bits);
+    if (o->white && (o->white < 4 || o->white > 65535))
+        cli_fail(CLI_USAGE, "--white: expected a code from 4 to 65535, found %d", o->white);
     if (images < 1)
         cli_fail(CLI_USAGE, "expected one image or more, found none");
     if (images > MERGE_MOST)
@@ -262,6 +359,8 @@ static void check_usage(int images)
     int exr = strcmp(end, ".exr") == 0;
     if (!exr && strcmp(end, ".hdr") != 0 && strcmp(set.out.path, "-") != 0)
         cli_fail(CLI_USAGE, "-o: expected a name that ends in .exr or .hdr, found %s", set.out.path);
+    if (!exr && o->colour == COLOUR_XYZ)
+        cli_fail(CLI_USAGE, "--colour xyz: expected an output named .exr, found %s", set.out.path);
     if (!exr && (o->want_sigma || o->want_count || set.out.want_flags))
         cli_fail(CLI_USAGE, "--sigma, --count, --flags: expected an output named .exr, found %s", set.out.path);
 }
@@ -300,7 +399,10 @@ int main(int argc, char **argv)
         cli_fail(CLI_FAILED, "out of memory");
     for (int k = 0; k < j.n; k++)
         j.shots[k].path = argv[k + 1];
-    if (job_open(&j, set.times, &e) || job_calibrate(&j, &e) || job_merge(&j, &e))
+    if (job_open(&j, set.times, &e) || job_calibrate(&j, &e))
+        cli_fail(CLI_FAILED, "%s", e.text);
+    say_contradiction(&j);
+    if (job_merge(&j, &e))
         cli_fail(CLI_FAILED, "%s", e.text);
     if (set.verbose)
         report(&j);

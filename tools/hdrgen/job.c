@@ -8,6 +8,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "develop.h"
 #include "exif.h"
 #include "samples.h"
 
@@ -22,7 +23,7 @@ double job_cpu_s(void)
 
 int job_channels(const job *j)
 {
-    return j->opts.has_bayer ? 3 : frames_get_facts(j->frames)->channels;
+    return j->mosaic ? 3 : frames_get_facts(j->frames)->channels;
 }
 
 static int earlier(const shot *a, const shot *b)
@@ -81,6 +82,18 @@ static int load_dark(job *j, errmsg *e)
     return j->dark ? 0 : err_set(e, "%s: out of memory", j->opts.dark);
 }
 
+static int settle_mosaic(job *j, errmsg *e)
+{
+    const frames_facts *f = frames_get_facts(j->frames);
+    if (j->opts.bayer.columns && (f->channels != 1 || f->raw))
+        return err_set(e, "%s: expected grey images with --bayer, found %s", j->shots[0].path,
+                       f->raw ? "camera raw" : "colour");
+    if (j->opts.dark && f->raw)
+        return err_set(e, "%s: expected no --dark with camera raw, whose black level is known", j->opts.dark);
+    j->mosaic = f->raw ? f->mosaic : j->opts.bayer.columns ? &j->opts.bayer : NULL;
+    return 0;
+}
+
 int job_open(job *j, const char *times_file, errmsg *e)
 {
     char **paths = calloc((size_t)j->n, sizeof *paths);
@@ -98,20 +111,19 @@ int job_open(job *j, const char *times_file, errmsg *e)
         exif_facts x = exif_read(j->shots[k].path);
         j->shots[k].seconds = i->exposure_s > 0 ? i->exposure_s : x.exposure_s;
         j->shots[k].f_number = i->f_number > 0 ? i->f_number : x.f_number;
-        j->shots[k].iso = i->iso > 0 ? i->iso : x.iso;
+        j->shots[k].iso = i->iso > 0 && i->iso != 65535 ? i->iso : x.iso; /* 65535: more than 16 bits hold */
     }
+    j->times_given = times_file != NULL;
     if (times_file && times_load(j->shots, j->n, times_file, e))
         return -1;
     if (j->n == 1 && !(j->shots[0].seconds > 0)) {
         j->shots[0].seconds = 1; /* one picture of unknown time: radiance is relative anyway */
         j->facts.assumed_time = 1;
     }
-    if (shots_resolve(j->shots, j->n, &j->facts.varies, e) || sort_shots(j, e))
-        return -1;
-    if (j->opts.dark && load_dark(j, e))
-        return -1;
-    if (j->opts.has_bayer && frames_get_facts(j->frames)->channels != 1)
-        return err_set(e, "%s: expected grey images with --bayer, found colour", j->shots[0].path);
+    if (shots_resolve(j->shots, j->n, times_file != NULL, &j->facts.times, e) || sort_shots(j, e)) return -1;
+    shots_relate(j->shots, j->n);
+    if (settle_mosaic(j, e) || develop_settle(j, e) || frames_begin(j->frames, j->progress, e)) return -1;
+    if (j->opts.dark && load_dark(j, e)) return -1;
     j->exposure = calloc((size_t)j->n, sizeof *j->exposure);
     if (!j->exposure)
         return err_set(e, "out of memory");
@@ -137,41 +149,70 @@ static int bits_used(const samples *s)
     return 0;
 }
 
+static int settle_white(job *j, errmsg *e)
+{
+    double t0 = job_cpu_s();
+    int top = j->samples.max_code;
+    if (j->opts.white > top)
+        return err_set(e, "%s: expected --white 4 to %d, found %d", j->shots[0].path, top, j->opts.white);
+    if (!j->opts.white && white_find(j->facts.clip, &j->samples, j->exposure, e))
+        return -1;
+    for (int c = 0; c < RESPONSE_MAX_CHANNELS && j->opts.white; c++)
+        j->facts.clip[c] = j->opts.white;
+    const int *sensor = frames_get_facts(j->frames)->clip;
+    for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++) /* camera raw states it for each colour */
+        if (j->facts.clip[c] > sensor[c]) j->facts.clip[c] = sensor[c];
+    for (int c = 0; c < j->samples.channels; c++)
+        j->facts.bits_used = j->facts.clip[c] < top ? 0 : j->facts.bits_used; /* known better */
+    white_apply(&j->samples, j->facts.clip);
+    j->facts.recover_s += job_cpu_s() - t0;
+    return 0;
+}
+
 static int collect_samples(job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
     sampler p;
     const uint16_t **codes = calloc((size_t)j->n, sizeof *codes);
-    if (!codes)
-        return err_set(e, "out of memory");
-    if (sampler_init(&p, f->width, f->height, j->n, job_channels(j), f->max_code,
-                     j->opts.has_bayer ? j->opts.bayer : NULL, j->dark != NULL, WANTED_SAMPLES, e)) {
+    const uint8_t **missing = calloc((size_t)j->n, sizeof *missing);
+    if (!codes || !missing) {
         free(codes);
+        free(missing);
+        return err_set(e, "out of memory");
+    }
+    if (sampler_init(&p, f->width, f->height, j->n, job_channels(j), f->max_code, j->mosaic, j->dark != NULL,
+                     WANTED_SAMPLES, e)) {
+        free(codes);
+        free(missing);
         return -1;
     }
     int rows, y = 0;
     for (;;) {
         double t0 = job_cpu_s();
-        rows = frames_next(j->frames, codes, e);
+        rows = frames_next(j->frames, codes, missing, e);
         double t1 = job_cpu_s();
         j->facts.read_s += t1 - t0;
         if (rows <= 0)
             break;
         size_t at = (size_t)y * (size_t)f->width * (size_t)f->channels;
-        sampler_strip(&p, codes, j->dark ? j->dark + at : NULL, y, rows);
+        if (sampler_strip(&p, codes, missing, j->dark ? j->dark + at : NULL, y, rows, e)) {
+            rows = -1;
+            break;
+        }
         j->facts.recover_s += job_cpu_s() - t1;
         y += rows;
         if (j->progress)
             j->progress("reading", y, f->height);
     }
     free(codes);
+    free(missing);
     if (rows < 0 || frames_rewind(j->frames, e)) {
         samples_free(&p.s);
         return -1;
     }
     j->samples = p.s;
     j->facts.bits_used = bits_used(&j->samples);
-    return 0;
+    return settle_white(j, e);
 }
 
 static int same_exposure(const job *j)
@@ -180,6 +221,34 @@ static int same_exposure(const job *j)
         if (fabs(log(j->exposure[k] / j->exposure[0])) > 1e-6)
             return 0;
     return 1;
+}
+
+/* All stated exposures alike, all pictures not: wrong times, which no response can mend. */
+static int check_stated(job *j, errmsg *e)
+{
+    static const double most_alike = 0.5; /* stops: lamps flicker, clouds move */
+    stated_facts *f = &j->facts.stated;
+    int linear = frames_get_facts(j->frames)->raw || j->opts.response == RESPONSE_LINEAR;
+    stated_check(f, &j->samples, j->exposure, linear);
+    if (j->n > 1 && same_exposure(j) && f->span > most_alike && !j->times_given)
+        return err_set(e,
+                       "%s: expected the exposure times that were used, found %.4g s in all %d files, though "
+                       "their brightness "
+                       "differs by %.1f stops: give --times",
+                       j->shots[0].path, j->shots[0].seconds, j->n, f->span);
+    return 0;
+}
+
+/* A polynomial's fit is not robust: what contradicts is found by one that is.  Where that fails, nothing is marked. */
+static void mark_by_debevec(job *j, const double *lnt)
+{
+    response r = {0};
+    solve_facts unused;
+    errmsg words;
+    noise_model noise[RESPONSE_MAX_CHANNELS] = {noise_default(), noise_default(), noise_default()};
+    if (debevec_solve(&r, &unused, &j->samples, lnt, j->opts.lambda, &words) == 0)
+        contradict_mark(&j->samples, &r, noise, lnt, &words);
+    response_free(&r);
 }
 
 static int first_response(job *j, const double *lnt, errmsg *e)
@@ -194,8 +263,11 @@ static int first_response(job *j, const double *lnt, errmsg *e)
             return err_set(e, "%s: expected two images or more to recover a response, found one: give --response",
                            j->shots[0].path);
         if (same_exposure(j))
-            return err_set(e, "%s: expected images of different exposure to recover a response, found %d of the same: "
-                           "give --response", j->shots[0].path, j->n);
+            return err_set(
+                e,
+                "%s: expected images of different exposure to recover a response, found %d of the same: "
+                "give --response, or --times if these are wrong",
+                j->shots[0].path, j->n);
     }
     switch (kind) {
     case RESPONSE_LINEAR:
@@ -207,10 +279,27 @@ static int first_response(job *j, const double *lnt, errmsg *e)
     case RESPONSE_FILE:
         return response_load(&j->response, j->opts.response_file, ch, f->max_code, e);
     case RESPONSE_MITSUNAGA:
+        mark_by_debevec(j, lnt);
         return mitsunaga_solve(&j->response, &j->facts.solve, &j->samples, lnt, e);
     default:
         return debevec_solve(&j->response, &j->facts.solve, &j->samples, lnt, j->opts.lambda, e);
     }
+}
+
+/* One sensor's colours are read out alike.  Where a colour shows too little of the dark to tell its noise
+ * there, far below that of the others, it gets the middle one's. */
+static void share_dark_noise(noise_model m[3], int top)
+{
+    static const double far_below = 0.25; /* of the variance */
+    const double code = 1.0 / top;
+    double v[3];
+    for (int c = 0; c < 3; c++) v[c] = noise_variance(&m[c], 0, code);
+    double middle = fmax(fmin(v[0], v[1]), fmin(fmax(v[0], v[1]), v[2]));
+    for (int c = 0; c < 3; c++)
+        if (v[c] < far_below * middle) {
+            m[c].code_var = 1.0 / 12;
+            m[c].read = sqrt(fmax(middle - code * code / 12, 0));
+        }
 }
 
 int job_calibrate(job *j, errmsg *e)
@@ -224,14 +313,14 @@ int job_calibrate(job *j, errmsg *e)
     if (collect_samples(j, e))
         goto done;
     double t0 = job_cpu_s();
-    if (first_response(j, lnt, e))
-        goto done;
+    if (check_stated(j, e) || first_response(j, lnt, e)) goto done;
+    memcpy(j->response.clip, j->facts.clip, sizeof j->response.clip);
     /* hat weights on logarithms go with the curve that came from the same: both lean the same way */
     recover = strcmp(j->response.origin, "debevec") == 0 && j->opts.weight == MERGE_NOISE;
     calib_opts o = {.fit_response = recover, .fit_noise = 1, .fit_times = j->opts.refine_times,
                     .fixed_noise = {-1, -1, -1}, .lambda = j->opts.lambda, .time_spread = 0.15};
-    int top = j->response.max_code;
     for (int c = 0; c < j->response.channels; c++) {
+        int top = recover ? j->response.clip[c] : j->response.max_code; /* where e is 1 */
         j->noise[c] = noise_default();
         noise_model given = noise_from_camera(j->opts.gain > 0 ? j->opts.gain : 1, 0, top);
         if (j->opts.gain > 0)
@@ -241,9 +330,14 @@ int job_calibrate(job *j, errmsg *e)
     }
     o.reference = j->n / 2; /* by time */
     if (j->n > 1) {
-        if (calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
+        if (contradict_mark(&j->samples, &j->response, j->noise, lnt, e) ||
+            calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
             goto done;
         j->facts.calibrated = 1;
+        if (frames_get_facts(j->frames)->raw && j->response.channels == 3 && !(j->opts.gain > 0))
+            share_dark_noise(j->noise, j->response.max_code);
+        if (contradict_measure(&j->facts.contradict, &j->samples, &j->response, j->noise, lnt, e))
+            goto done;
     }
     for (int k = 0; k < j->n; k++)
         j->exposure[k] = exp(lnt[k]);

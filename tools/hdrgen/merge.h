@@ -20,7 +20,8 @@ enum merge_flag {
     MERGE_CLIPPED = 1, /* at the highest code in every exposure: radiance is a lower bound */
     MERGE_BLACK = 2,   /* at code 0 in every exposure: radiance is an upper bound */
     MERGE_GAP = 4,     /* clipped in some, black in the others: radiance is between the bounds */
-    MERGE_GHOST = 8    /* exposures that contradict the others were left out */
+    MERGE_GHOST = 8,   /* exposures that contradict the others were left out */
+    MERGE_MISSING = 16 /* missing in every exposure: radiance is 0 and means nothing */
 };
 
 enum { MERGE_MOST = 1024 }; /* exposures */
@@ -37,6 +38,8 @@ void merge_free(merge *m);
 typedef struct merge_row {
     const uint16_t *const *codes; /* [n] first sample of the row in each exposure */
     size_t stride;                /* from one pixel to the next in codes and pedestal */
+    const uint8_t *const *missing; /* [n] masks, not 0: that exposure says nothing there; or NULL, any or all */
+    size_t missing_stride;
     const float *pedestal;        /* exposure to subtract (dark frame), or NULL */
     int count;                    /* pixels */
     float *radiance;              /* exposure / t */
@@ -53,8 +56,16 @@ void merge_do_row(const merge *m, int channel, const merge_row *row);
  * most of the others say about that pixel and channel. */
 void merge_find_ghosts(const merge *m, int channel, const merge_row *row, uint64_t *reject);
 
-/* Second step, when all channels have been looked at: a pixel's neighbours in the row lose the same
- * exposures, since ghosts have soft edges; no pixel loses its last usable exposure. */
+/* Relative difference that is no contradiction in this series: registration, flicker, errors of the response. */
+void merge_set_tolerance(merge *m, double relative);
+
+/* Second step for a mosaic: a pixel's neighbours in the row lose the same exposures, since ghosts have soft edges; no pixel
+ * loses its last usable exposure. */
 void merge_settle_ghosts(const merge *m, uint64_t *reject, uint64_t *scratch, int count);
+
+/* Second step otherwise, when all channels have been looked at, for `rows` whole rows: what moves covers areas, and has soft
+ * edges; edges that are a pixel off do not.  Votes that fill no 5x5 square are dropped, the others spread by 3 pixels.
+ * votes, room: [rows * width], overwritten; the result is in votes. */
+void merge_gather_ghosts(const merge *m, uint64_t *votes, uint64_t *room, int width, int rows);
 
 #endif

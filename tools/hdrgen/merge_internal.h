@@ -27,6 +27,7 @@ typedef struct codeval {
 typedef struct merge_channel {
     codeval *code;      /* [max_code + 1] */
     expectation *expect; /* [CELLS] */
+    int top;            /* codes from here on are clipped */
     int safe;           /* codes up to this are surely not clipped */
     float clip, black;  /* exposures at the edges of the highest code and of code 0 */
     float dim;          /* no noise makes more than this of black */
@@ -35,6 +36,7 @@ typedef struct merge_channel {
 struct merge {
     int n, channels, max_code;
     merge_weight weight;
+    float tolerance; /* of ghost.c */
     int *order;  /* exposures from the longest to the shortest; the arrays below are in that order */
     float *rt;   /* 1 / t */
     float *lnt;  /* ln t */

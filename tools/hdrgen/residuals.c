@@ -67,13 +67,13 @@ void channel_prepare(channel *h, const response *r, const noise_model *m, const 
 {
     double tmin = INFINITY, tmax = -INFINITY;
     const double *f = r->finv[h->c];
-    int top = r->max_code;
+    int top = r->clip[h->c];
     for (int k = 0; k < h->kk; k++) {
         tmin = fmin(tmin, lnt[k]);
         tmax = fmax(tmax, lnt[k]);
         h->rt[k] = (float)exp(-lnt[k]);
     }
-    for (int z = 0; z <= top; z++)
+    for (int z = 0; z <= r->max_code; z++)
         h->y[z] = (float)f[z];
     double lo = log(f[1]) - tmax, hi = log(f[top]) - tmin;
     h->lx0 = lo;
@@ -110,7 +110,7 @@ static float pedestal(const channel *h, int i)
 
 void channel_first_x(channel *h, const response *r, const noise_model *m)
 {
-    int top = r->max_code;
+    int top = r->clip[h->c];
     float *w = h->code_w;
     for (int z = 1; z < top; z++) {
         double e = r->finv[h->c][z];
@@ -123,7 +123,7 @@ void channel_first_x(channel *h, const response *r, const noise_model *m)
             num += w[z[k]] * (h->y[z[k]] - dark) * h->rt[k];
             den += w[z[k]];
         }
-        h->x[i] = den > 0 && num > 0 ? num / den : 0;
+        h->x[i] = den > 0 && num > 0 && !h->s->out[h->c][i] ? num / den : 0;
     }
 }
 
