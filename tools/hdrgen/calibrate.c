@@ -192,6 +192,7 @@ static int copy_response(response *to, const response *from, errmsg *e)
     if (response_alloc(to, from->channels, from->max_code, e))
         return -1;
     memcpy(to->origin, from->origin, sizeof to->origin);
+    memcpy(to->clip, from->clip, sizeof to->clip);
     for (int c = 0; c < from->channels; c++)
         memcpy(to->finv[c], from->finv[c], sizeof *to->finv[c] * (size_t)(from->max_code + 1));
     return 0;
@@ -224,12 +225,12 @@ int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, 
     int kk = s->exposures, code = -1;
     double *t = malloc(sizeof *t * (size_t)kk);
     memset(facts, 0, sizeof *facts);
-    basis_init(&b, s->max_code);
     if (!t || copy_response(&work, r, e)) {
         free(t);
         return t ? -1 : err_set(e, "out of memory");
     }
     memcpy(t, lnt, sizeof *t * (size_t)kk);
+    basis_init(&b, response_top(&work));
     for (int c = 0; c < r->channels; c++) {
         m[c] = noise[c];
         if (channel_alloc(&h[c], s, c)) {

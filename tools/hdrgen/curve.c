@@ -100,8 +100,8 @@ int curve_from_table(double c[BASIS_N], const response *r, int ch, const basis *
     for (int i = 0; i < NODES && !bad; i++) {
         /* evenly in ln z and in z by turns, at whole codes */
         double u = (double)i / (NODES - 1);
-        double z = i & 1 ? pow(r->max_code, u) : 1 + (r->max_code - 1) * u;
-        int code = (int)lround(fmin(fmax(z, 1), r->max_code));
+        double z = i & 1 ? pow(b->max_code, u) : 1 + (b->max_code - 1) * u;
+        int code = (int)lround(fmin(fmax(z, 1), b->max_code));
         double n[4], *row = qrls_row(q);
         if (!row) {
             bad = -1;

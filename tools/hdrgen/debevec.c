@@ -138,7 +138,7 @@ static int one_channel(response *r, int c, solve_facts *facts, const samples *s,
         for (k = 0; k < s->exposures; k++) {
             if (!usable(z[k], s->max_code))
                 continue;
-            double w = 2 * fmin(z[k], s->max_code - z[k]) / s->max_code, f[4];
+            double w = 2 * fmin(z[k], s->clip[c] - z[k]) / s->clip[c], f[4];
             double *row = rows + (size_t)used * (size_t)m;
             int first = basis_eval(b, log(z[k]), 0, f);
             memset(row, 0, sizeof *row * (size_t)m);
@@ -180,7 +180,8 @@ int debevec_solve(response *r, solve_facts *facts, const samples *s, const doubl
     memset(facts, 0, sizeof *facts);
     if (response_alloc(&got, s->channels, s->max_code, e))
         return -1;
-    basis_init(&b, s->max_code);
+    memcpy(got.clip, s->clip, sizeof got.clip);
+    basis_init(&b, response_top(&got));
     for (int c = 0; c < s->channels; c++)
         if (one_channel(&got, c, facts, s, lnt, lambda, &b, e)) {
             response_free(&got);

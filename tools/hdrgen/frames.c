@@ -20,6 +20,8 @@ typedef struct frame {
     uint16_t *strip; /* strip_rows of codes */
     uint8_t *kept8;  /* whole picture, or NULL */
     uint16_t *kept16;
+    uint8_t *gone, *kept_gone; /* mask of the strip and of the whole picture, or NULL: nothing can be missing */
+    int64_t present;           /* pixels so far that are not missing */
     FILE *spool;
     int failed;
     errmsg why;
@@ -63,6 +65,8 @@ void frames_close(frames *f)
         free(p->strip);
         free(p->kept8);
         free(p->kept16);
+        free(p->gone);
+        free(p->kept_gone);
         if (p->spool)
             fclose(p->spool);
     }
@@ -73,6 +77,19 @@ void frames_close(frames *f)
 static int colour_channels(const img_info *i)
 {
     return i->channels >= 3 ? 3 : 1;
+}
+
+static int has_alpha(const img_info *i)
+{
+    return i->channels == 2 || i->channels == 4;
+}
+
+static int any_alpha(const frames *f)
+{
+    int any = 0;
+    for (int k = 0; k < f->facts.n; k++)
+        any |= has_alpha(&f->f[k].info);
+    return any;
 }
 
 static int top_code(const frames *f, const img_info *i)
@@ -143,8 +160,9 @@ int frames_open(frames **out, char *const *paths, int n, int64_t memory, int bit
         f->has_fill = 1;
         memcpy(f->fill, fill, sizeof f->fill);
     }
-    int64_t codes = (int64_t)i->width * i->height * f->facts.channels;
-    f->keep = codes * (f->facts.max_code < 256 ? 1 : 2) <= memory / n;
+    int64_t pixels = (int64_t)i->width * i->height, codes = pixels * f->facts.channels;
+    int64_t masks = pixels * (f->has_fill || any_alpha(f));
+    f->keep = codes * (f->facts.max_code < 256 ? 1 : 2) + masks <= memory / n;
     int64_t rows = strip_bytes / ((int64_t)row_codes(f) * 2 * n);
     f->strip_rows = (int)(rows < 1 ? 1 : rows > STRIP_ROWS ? STRIP_ROWS : rows);
     for (int k = 0; k < n; k++) {
@@ -158,6 +176,12 @@ int frames_open(frames **out, char *const *paths, int n, int64_t memory, int bit
         else if (f->keep)
             p->kept16 = malloc((size_t)codes * 2);
         if (f->keep && !p->kept8 && !p->kept16)
+            goto memory;
+        if (!f->has_fill && !has_alpha(&p->info))
+            continue;
+        p->gone = malloc((size_t)i->width * (size_t)f->strip_rows);
+        p->kept_gone = f->keep ? malloc((size_t)pixels) : NULL;
+        if (!p->gone || (f->keep && !p->kept_gone))
             goto memory;
     }
     *out = f;
@@ -182,8 +206,22 @@ int frames_reorder(frames *f, const int *order, errmsg *e)
     return 0;
 }
 
-/* One row of the reader's floats as codes. */
-static void to_codes(const frames *f, const frame *p, uint16_t *to)
+/* The row's mask.  Below full alpha a pixel is a mixture with what lies outside; rounding of alpha itself is let pass. */
+static void find_missing(const frames *f, frame *p, const uint16_t *codes, uint8_t *gone)
+{
+    static const double full = 254.0 / 255;
+    int w = f->facts.width, from = p->info.channels;
+    double least = full * (p->info.coded ? p->info.max_code : 1);
+    for (int x = 0; x < w; x++) {
+        const uint16_t *z = codes + (size_t)x * (size_t)f->facts.channels;
+        int alpha = has_alpha(&p->info) && p->rows[(size_t)(x + 1) * (size_t)from - 1] < least;
+        gone[x] = (uint8_t)(alpha || (f->has_fill && z[0] == f->fill[0] && z[1] == f->fill[1] && z[2] == f->fill[2]));
+        p->present += !gone[x];
+    }
+}
+
+/* One row of the reader's floats as codes; gone: its mask, or NULL. */
+static void to_codes(const frames *f, frame *p, uint16_t *to, uint8_t *gone)
 {
     int w = f->facts.width, ch = f->facts.channels, from = p->info.channels;
     float scale = p->info.coded ? 1 : (float)RAW_MAX, top = (float)f->facts.max_code;
@@ -192,11 +230,12 @@ static void to_codes(const frames *f, const frame *p, uint16_t *to)
             float v = p->rows[(size_t)x * (size_t)from + (size_t)c] * scale + 0.5f;
             to[(size_t)x * (size_t)ch + (size_t)c] = (uint16_t)(v > 0 ? v < top ? v : top : 0);
         }
-    if (!f->has_fill)
+    if (!gone)
         return;
-    for (int x = 0; x < w; x++, to += 3)
-        if (to[0] == f->fill[0] && to[1] == f->fill[1] && to[2] == f->fill[2])
-            to[0] = to[1] = to[2] = (uint16_t)f->facts.max_code;
+    find_missing(f, p, to, gone);
+    for (int x = 0; x < w; x++)
+        for (int c = 0; c < ch && gone[x]; c++)
+            to[(size_t)x * (size_t)ch + (size_t)c] = (uint16_t)f->facts.max_code;
 }
 
 static int spool_half(frames *f, frame *p)
@@ -225,7 +264,7 @@ static int spool_raw(frames *f, frame *p)
     for (int y = 0; y < f->facts.height; y++) {
         if (img_reader_rows(p->r, p->rows, 1, &p->why))
             return -1;
-        to_codes(f, p, p->strip);
+        to_codes(f, p, p->strip, NULL);
         if (fwrite(p->strip, sizeof *p->strip, n, p->spool) != n)
             return err_errno(&p->why, "%s: temporary file", p->path);
     }
@@ -254,9 +293,11 @@ static int fetch(frames *f, frame *p, int y, int rows)
         for (int j = 0; j < rows; j++) {
             if (img_reader_rows(p->r, p->rows, 1, &p->why))
                 return -1;
-            to_codes(f, p, p->strip + (size_t)j * n);
+            to_codes(f, p, p->strip + (size_t)j * n, p->gone ? p->gone + (size_t)j * (size_t)f->facts.width : NULL);
         }
     }
+    if (p->kept_gone)
+        memcpy(p->kept_gone + (size_t)y * (size_t)f->facts.width, p->gone, (size_t)rows * (size_t)f->facts.width);
     if (p->kept8)
         for (size_t i = 0; i < all; i++)
             p->kept8[at + i] = (uint8_t)p->strip[i];
@@ -286,11 +327,21 @@ int frames_rewind(frames *f, errmsg *e)
             img_reader_close(f->f[k].r);
             f->f[k].r = NULL;
         }
+    for (int k = 0; k < f->facts.n && !f->have_all; k++)
+        f->f[k].present = 0;
     f->y = 0;
     return 0;
 }
 
-int frames_next(frames *f, const uint16_t **codes, errmsg *e)
+/* The strip's mask where something in it is missing, else NULL. */
+static const uint8_t *mask_of(const frames *f, const frame *p, int rows)
+{
+    size_t w = (size_t)f->facts.width, n = (size_t)rows * w;
+    const uint8_t *mask = f->have_all && p->kept_gone ? p->kept_gone + (size_t)f->y * w : p->gone;
+    return mask && memchr(mask, 1, n) ? mask : NULL;
+}
+
+int frames_next(frames *f, const uint16_t **codes, const uint8_t **missing, errmsg *e)
 {
     int left = f->facts.height - f->y, rows = left < f->strip_rows ? left : f->strip_rows;
     if (rows == 0)
@@ -311,6 +362,9 @@ int frames_next(frames *f, const uint16_t **codes, errmsg *e)
             return -1;
         }
         codes[k] = f->have_all && p->kept16 ? p->kept16 + (size_t)f->y * row_codes(f) : p->strip;
+        missing[k] = mask_of(f, p, rows);
+        if (p->gone && f->y + rows == f->facts.height && p->present == 0)
+            return err_set(e, "%s: expected pixels that are not missing (alpha full, not the fill colour), found none", p->path);
     }
     f->y += rows;
     return rows;

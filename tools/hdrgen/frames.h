@@ -4,6 +4,10 @@
  * The series is gone through more than once (choosing samples, merging).  Small series are
  * kept as codes in memory after the first pass; camera raw, which can't be streamed, is spooled to
  * an unlinked temporary file picture by picture; everything else is decoded again.
+ *
+ * Missing pixels.  An exposure may have nothing to say of a pixel: its alpha is below full (registered images beyond
+ * their border), its codes are the fill colour, or it was moved and the pixel lies outside.  That is neither black
+ * nor clipped, and has a mask of its own: one byte per pixel and exposure, not 0 where missing.
  */
 #ifndef HDRGEN_FRAMES_H
 #define HDRGEN_FRAMES_H
@@ -23,8 +27,8 @@ typedef struct frames_facts {
 } frames_facts;
 
 /* Open n files; all must agree in size, channels and depth.  memory: bytes of codes that may
- * be kept.  bits: how many of the files' bits the codes fill, from the lowest (0: all).  fill: NULL, or the code triple that marks missing pixels (they become max_code).  half: camera
- * raw at half size; other formats are refused then. */
+ * be kept.  bits: how many of the files' bits the codes fill, from the lowest (0: all).  fill: NULL, or the code
+ * triple that marks missing pixels.  half: camera raw at half size; other formats are refused then. */
 int frames_open(frames **f, char *const *paths, int n, int64_t memory, int bits, const int *fill, int half, errmsg *e);
 void frames_close(frames *f);
 const frames_facts *frames_get_facts(const frames *f);
@@ -39,8 +43,9 @@ int frames_strip_rows(const frames *f);
 /* Start again from the top. */
 int frames_rewind(frames *f, errmsg *e);
 
-/* The next strip: codes[k] points at its first row in exposure k (width*channels per row),
- * valid until the next call.  Returns the number of rows, 0 at the end, -1 on failure. */
-int frames_next(frames *f, const uint16_t **codes, errmsg *e);
+/* The next strip: codes[k] points at its first row in exposure k (width*channels per row), missing[k] at the mask
+ * (width per row) or is NULL where the strip has all its pixels; valid until the next call.  Missing pixels' codes are
+ * max_code.  Returns the number of rows, 0 at the end, -1 on failure (also: an exposure that has no pixel at all). */
+int frames_next(frames *f, const uint16_t **codes, const uint8_t **missing, errmsg *e);
 
 #endif

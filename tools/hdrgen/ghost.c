@@ -38,7 +38,8 @@ void merge_find_ghosts(const merge *m, int channel, const merge_row *row, uint64
             int k = m->order[s];
             const codeval *c = &ch->code[row->codes[k][at]];
             float y = c->y - (row->pedestal ? row->pedestal[at] : 0);
-            if (k >= MOST || !(c->w > 0) || !(y > 0))
+            int gone = row->missing && row->missing[k] && row->missing[k][(size_t)i * row->missing_stride];
+            if (k >= MOST || gone || !(c->w > 0) || !(y > 0))
                 continue;
             const expectation *e = &ch->expect[clamp_cell(cell_of(y) + base)];
             if (!(e->info > 4)) /* a sample known to worse than a factor of 1.5 contradicts nothing */

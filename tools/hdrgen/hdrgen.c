@@ -141,7 +141,7 @@ static const cli_opt options[] = {
      "add channel exposures: how many had a say (least of the colours; OpenEXR)"},
     {"flags", 0, CLI_FLAG, &set.out.want_flags, NULL, NULL,
      "add channel flags: 1 clipped everywhere, 2 black everywhere, 4 one or the other\n"
-     "everywhere, 8 samples left out by --deghost (OpenEXR)"},
+     "everywhere, 8 samples left out by --deghost, 16 missing everywhere (OpenEXR)"},
     {"calibrate", 0, CLI_CALL, &set.job, take_patch, "X,Y,W,H=L", "scale so that this rectangle has L cd/m2 on average"},
     {"dark", 0, CLI_STRING, &set.job.dark, NULL, "FILE", "dark frame: its exposure is subtracted from every image"},
     {"flat", 0, CLI_STRING, &set.job.flat, NULL, "FILE", "flat field: the radiance is divided by it (mean 1)"},
@@ -150,6 +150,7 @@ static const cli_opt options[] = {
      "grey images are a Bayer mosaic: RGGB, BGGR, GRBG or GBRG; merged, then interpolated"},
     {"half-size", 0, CLI_FLAG, &set.job.half_size, NULL, NULL, "camera raw: one pixel for each 2x2 of the sensor"},
     {"bits", 0, CLI_INT, &set.job.bits, NULL, "B", "codes fill B bits of their files', from the lowest (default: all)"},
+    {"white", 0, CLI_INT, &set.job.white, NULL, "CODE", "codes from this on are clipped (default: found from the series)"},
     {"fill", 0, CLI_CALL, &set.job, take_fill, "R,G,B", "pixels of exactly these codes are missing in that image"},
     {"type", 0, CLI_CALL, &set.out, take_type, "T", "OpenEXR values: float (default) or half"},
     {"compression", 0, CLI_STRING, &set.out.compression, NULL, "C", "OpenEXR: none, rle, zips, zip (default), piz or dwaa"},
@@ -207,6 +208,23 @@ static void note_pixels(long n, const job *j, const char *what)
         cli_note("%ld pixels (%.3g %%) %s", n, 100.0 * (double)n / pixels, what);
 }
 
+/* Where white was found below the files' highest code, by more than rounding. */
+static void note_white(const job *j)
+{
+    const int *w = j->facts.clip, top = j->samples.max_code, n = j->samples.channels;
+    int low = top;
+    for (int c = 0; c < n; c++)
+        low = w[c] < low ? w[c] : low;
+    if (j->opts.white || low >= top - top / 255)
+        return;
+    if (n == 1 || (w[0] == w[1] && w[1] == w[2]))
+        cli_note("%s: white lies at code %d of %d in this series: from there on is clipped (--white says otherwise)", j->shots[0].path,
+                 low, top);
+    else
+        cli_note("%s: white lies at codes %d, %d, %d of %d in this series: from there on is clipped (--white says otherwise)",
+                 j->shots[0].path, w[0], w[1], w[2], top);
+}
+
 static void summary(const job *j)
 {
     if (j->facts.assumed_time)
@@ -214,11 +232,13 @@ static void summary(const job *j)
     if (j->facts.bits_used)
         cli_warn("%s: the codes of this series end at %d, where files of this kind end at %d: if that is where the camera clips, give --bits %d",
                  j->shots[0].path, (1 << j->facts.bits_used) - 1, frames_get_facts(j->frames)->max_code, j->facts.bits_used);
+    note_white(j);
     if (j->facts.varies)
         cli_note("ISO or f-number vary: taken into account relative to %s", j->shots[0].path);
     note_pixels(j->facts.clipped, j, "clipped in every exposure: lower bound");
     note_pixels(j->facts.black, j, "black in every exposure: upper bound");
     note_pixels(j->facts.gap, j, "clipped or black in every exposure: between two bounds");
+    note_pixels(j->facts.missing, j, "missing in every exposure: 0, and alpha 0 in OpenEXR");
     note_pixels(j->facts.ghosts, j, "with samples left out by --deghost");
 }
 
@@ -229,6 +249,8 @@ static void check_usage(int images)
         cli_fail(CLI_USAGE, "expected -o OUT, found none");
     if (o->bits && (o->bits < 2 || o->bits > 16))
         cli_fail(CLI_USAGE, "--bits: expected 2 to 16, found %d", o->bits);
+    if (o->white && (o->white < 4 || o->white > 65535))
+        cli_fail(CLI_USAGE, "--white: expected a code from 4 to 65535, found %d", o->white);
     if (images < 1)
         cli_fail(CLI_USAGE, "expected one image or more, found none");
     if (!(o->lambda >= 1e-12 && o->lambda <= 1e12))

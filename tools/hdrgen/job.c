@@ -137,41 +137,67 @@ static int bits_used(const samples *s)
     return 0;
 }
 
+static int settle_white(job *j, errmsg *e)
+{
+    double t0 = job_cpu_s();
+    int top = j->samples.max_code;
+    if (j->opts.white > top)
+        return err_set(e, "%s: expected --white 4 to %d, found %d", j->shots[0].path, top, j->opts.white);
+    if (!j->opts.white && white_find(j->facts.clip, &j->samples, j->exposure, e))
+        return -1;
+    for (int c = 0; c < RESPONSE_MAX_CHANNELS && j->opts.white; c++)
+        j->facts.clip[c] = j->opts.white;
+    for (int c = 0; c < j->samples.channels; c++)
+        j->facts.bits_used = j->facts.clip[c] < top ? 0 : j->facts.bits_used; /* known better */
+    white_apply(&j->samples, j->facts.clip);
+    j->facts.recover_s += job_cpu_s() - t0;
+    return 0;
+}
+
 static int collect_samples(job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
     sampler p;
     const uint16_t **codes = calloc((size_t)j->n, sizeof *codes);
-    if (!codes)
+    const uint8_t **missing = calloc((size_t)j->n, sizeof *missing);
+    if (!codes || !missing) {
+        free(codes);
+        free(missing);
         return err_set(e, "out of memory");
+    }
     if (sampler_init(&p, f->width, f->height, j->n, job_channels(j), f->max_code,
                      j->opts.has_bayer ? j->opts.bayer : NULL, j->dark != NULL, WANTED_SAMPLES, e)) {
         free(codes);
+        free(missing);
         return -1;
     }
     int rows, y = 0;
     for (;;) {
         double t0 = job_cpu_s();
-        rows = frames_next(j->frames, codes, e);
+        rows = frames_next(j->frames, codes, missing, e);
         double t1 = job_cpu_s();
         j->facts.read_s += t1 - t0;
         if (rows <= 0)
             break;
         size_t at = (size_t)y * (size_t)f->width * (size_t)f->channels;
-        sampler_strip(&p, codes, j->dark ? j->dark + at : NULL, y, rows);
+        if (sampler_strip(&p, codes, missing, j->dark ? j->dark + at : NULL, y, rows, e)) {
+            rows = -1;
+            break;
+        }
         j->facts.recover_s += job_cpu_s() - t1;
         y += rows;
         if (j->progress)
             j->progress("reading", y, f->height);
     }
     free(codes);
+    free(missing);
     if (rows < 0 || frames_rewind(j->frames, e)) {
         samples_free(&p.s);
         return -1;
     }
     j->samples = p.s;
     j->facts.bits_used = bits_used(&j->samples);
-    return 0;
+    return settle_white(j, e);
 }
 
 static int same_exposure(const job *j)
@@ -226,12 +252,13 @@ int job_calibrate(job *j, errmsg *e)
     double t0 = job_cpu_s();
     if (first_response(j, lnt, e))
         goto done;
+    memcpy(j->response.clip, j->facts.clip, sizeof j->response.clip);
     /* hat weights on logarithms go with the curve that came from the same: both lean the same way */
     recover = strcmp(j->response.origin, "debevec") == 0 && j->opts.weight == MERGE_NOISE;
     calib_opts o = {.fit_response = recover, .fit_noise = 1, .fit_times = j->opts.refine_times,
                     .fixed_noise = {-1, -1, -1}, .lambda = j->opts.lambda, .time_spread = 0.15};
-    int top = j->response.max_code;
     for (int c = 0; c < j->response.channels; c++) {
+        int top = recover ? j->response.clip[c] : j->response.max_code; /* where e is 1 */
         j->noise[c] = noise_default();
         noise_model given = noise_from_camera(j->opts.gain > 0 ? j->opts.gain : 1, 0, top);
         if (j->opts.gain > 0)

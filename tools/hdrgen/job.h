@@ -14,6 +14,7 @@
 #include "response.h"
 #include "samples.h"
 #include "times.h"
+#include "white.h"
 
 typedef enum response_kind {
     RESPONSE_AUTO, /* linear for camera raw, else debevec */
@@ -33,6 +34,7 @@ typedef struct job_opts {
     merge_weight weight;
     double gain, read_noise; /* electrons per code, electrons; < 0: estimate */
     int bits;                /* that the codes fill of their files', from the lowest; 0: all */
+    int white;               /* code from which on all is clipped; 0: find it */
     int refine_times, deghost, want_sigma, want_count, half_size;
     int has_bayer, bayer[4]; /* colours (0..2) of the 2x2 positions, row by row */
     int has_fill, fill[3];   /* code triple of missing pixels */
@@ -48,7 +50,8 @@ typedef struct job_facts {
     int varies;            /* ISO or f-number differ */
     int assumed_time;      /* one image of unknown time: 1 s */
     int bits_used;         /* the codes seem to end at 2^this - 1, below the file's highest; 0: they don't */
-    long clipped, black, gap, ghosts, healed; /* pixels (any channel) */
+    int clip[RESPONSE_MAX_CHANNELS]; /* codes from here on are clipped */
+    long clipped, black, gap, ghosts, missing, healed; /* pixels (any channel) */
     double scale;          /* radiance was multiplied by this (--calibrate) */
     double read_s, recover_s, merge_s; /* CPU seconds */
 } job_facts;

@@ -11,6 +11,7 @@
 /* What one thread needs for a row. */
 typedef struct bench {
     const uint16_t **at;   /* [n] */
+    const uint8_t **gone;  /* [n] */
     float *pedestal;       /* [width * channels] */
     uint64_t *reject;      /* [2 * width] */
     uint8_t *bytes;        /* [2 * width] */
@@ -21,15 +22,17 @@ static int bench_init(bench *b, const job *j)
     const frames_facts *f = frames_get_facts(j->frames);
     size_t w = (size_t)f->width;
     b->at = malloc(sizeof *b->at * (size_t)j->n);
+    b->gone = malloc(sizeof *b->gone * (size_t)j->n);
     b->pedestal = malloc(sizeof *b->pedestal * w * (size_t)f->channels);
     b->reject = malloc(sizeof *b->reject * w * 2);
     b->bytes = malloc(w * 2);
-    return b->at && b->pedestal && b->reject && b->bytes ? 0 : -1;
+    return b->at && b->gone && b->pedestal && b->reject && b->bytes ? 0 : -1;
 }
 
 static void bench_free(bench *b)
 {
     free(b->at);
+    free(b->gone);
     free(b->pedestal);
     free(b->reject);
     free(b->bytes);
@@ -56,15 +59,27 @@ static int lanes_of_row(lane out[3], const job *j, int y)
     return n;
 }
 
-static merge_row row_for(const job *j, const lane *l, bench *b, const uint16_t *const *codes, int y, int row)
+/* A strip of the series as frames_next gives it. */
+typedef struct strip {
+    const uint16_t **codes;  /* [n] */
+    const uint8_t **missing; /* [n] */
+    int y, rows;
+} strip;
+
+static merge_row row_for(const job *j, const lane *l, bench *b, const strip *s, int row)
 {
     const frames_facts *f = frames_get_facts(j->frames);
     size_t ch = (size_t)f->channels, w = (size_t)f->width;
-    size_t start = (size_t)l->first * ch + (size_t)l->offset, out = (size_t)y * w * ch + start;
-    for (int k = 0; k < j->n; k++)
-        b->at[k] = codes[k] + (size_t)row * w * ch + start;
+    size_t start = (size_t)l->first * ch + (size_t)l->offset, out = (size_t)(s->y + row) * w * ch + start;
+    int any = 0;
+    for (int k = 0; k < j->n; k++) {
+        b->at[k] = s->codes[k] + (size_t)row * w * ch + start;
+        b->gone[k] = s->missing[k] ? s->missing[k] + (size_t)row * w + (size_t)l->first : NULL;
+        any |= b->gone[k] != NULL;
+    }
     return (merge_row){.codes = b->at, .stride = ch * (size_t)l->step, .count = l->count,
                        .pedestal = j->dark ? b->pedestal + start : NULL,
+                       .missing = any ? b->gone : NULL, .missing_stride = (size_t)l->step,
                        .radiance = j->radiance.pix + out, .sigma = j->sigma ? j->sigma + out : NULL,
                        .used = j->count ? b->bytes : NULL, .flags = b->bytes + w,
                        .out_stride = ch * (size_t)l->step};
@@ -82,9 +97,9 @@ static void fill_pedestal(const job *j, bench *b, int y)
         }
 }
 
-static void one_row(job *j, const merge *m, const uint16_t *const *codes, int y, int row, bench *b)
+static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
 {
-    int w = frames_get_facts(j->frames)->width;
+    int w = frames_get_facts(j->frames)->width, y = s->y + row;
     size_t out = (size_t)y * (size_t)w;
     lane lanes[3];
     int n = lanes_of_row(lanes, j, y);
@@ -96,13 +111,13 @@ static void one_row(job *j, const merge *m, const uint16_t *const *codes, int y,
     memset(b->reject, 0, sizeof *b->reject * (size_t)w);
     if (j->opts.deghost && !j->opts.has_bayer) { /* what contradicts in one channel goes in all */
         for (int l = 0; l < n; l++) {
-            merge_row r = row_for(j, &lanes[l], b, codes, y, row);
+            merge_row r = row_for(j, &lanes[l], b, s, row);
             merge_find_ghosts(m, lanes[l].channel, &r, b->reject);
         }
         merge_settle_ghosts(m, b->reject, b->reject + w, w);
     }
     for (int l = 0; l < n; l++) {
-        merge_row r = row_for(j, &lanes[l], b, codes, y, row);
+        merge_row r = row_for(j, &lanes[l], b, s, row);
         if (j->opts.deghost && j->opts.has_bayer) {
             memset(b->reject, 0, sizeof *b->reject * (size_t)w);
             merge_find_ghosts(m, lanes[l].channel, &r, b->reject);
@@ -135,13 +150,14 @@ static int allocate(job *j, errmsg *e)
     return 0;
 }
 
-static int all_rows(job *j, const merge *m, const uint16_t **codes, errmsg *e)
+static int all_rows(job *j, const merge *m, strip *s, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
-    int y = 0, failed = 0;
+    int failed = 0;
+    s->y = 0;
     for (;;) {
         double t0 = job_cpu_s();
-        int rows = frames_next(j->frames, codes, e);
+        int rows = s->rows = frames_next(j->frames, s->codes, s->missing, e);
         double t1 = job_cpu_s();
         j->facts.read_s += t1 - t0;
         if (rows <= 0)
@@ -157,15 +173,15 @@ static int all_rows(job *j, const merge *m, const uint16_t **codes, errmsg *e)
 #pragma omp for schedule(static)
             for (int row = 0; row < rows; row++)
                 if (!bad)
-                    one_row(j, m, codes, y + row, row, &b);
+                    one_row(j, m, s, row, &b);
             bench_free(&b);
         }
         if (failed)
             return err_set(e, "out of memory");
         j->facts.merge_s += job_cpu_s() - t1;
-        y += rows;
+        s->y += rows;
         if (j->progress)
-            j->progress("merging", y, f->height);
+            j->progress("merging", s->y, f->height);
     }
 }
 
@@ -268,8 +284,8 @@ static int to_absolute(job *j, errmsg *e)
     int x = (int)p[0], y = (int)p[1], pw = (int)p[2], ph = (int)p[3];
     for (int i = y; i < y + ph; i++)
         for (int k = x; k < x + pw; k++)
-            if (j->flags[(size_t)i * (size_t)w + (size_t)k] & (MERGE_CLIPPED | MERGE_BLACK | MERGE_GAP))
-                return err_set(e, "--calibrate: expected a patch that is neither clipped nor black, found pixel %d,%d", k, i);
+            if (j->flags[(size_t)i * (size_t)w + (size_t)k] & (MERGE_CLIPPED | MERGE_BLACK | MERGE_GAP | MERGE_MISSING))
+                return err_set(e, "--calibrate: expected a patch that is neither clipped nor black nor missing, found pixel %d,%d", k, i);
     j->facts.scale = p[4] / patch_luminance(j->radiance.pix, ch, w, x, y, pw, ph);
     if (!(j->facts.scale > 1e-30 && j->facts.scale < 1e30))
         return err_set(e, "--calibrate: expected a patch of positive luminance, found a scale of %g", j->facts.scale);
@@ -290,22 +306,23 @@ static void count_flags(job *j)
         j->facts.black += (j->flags[i] & MERGE_BLACK) != 0;
         j->facts.gap += (j->flags[i] & MERGE_GAP) != 0;
         j->facts.ghosts += (j->flags[i] & MERGE_GHOST) != 0;
+        j->facts.missing += (j->flags[i] & MERGE_MISSING) != 0;
     }
 }
 
 int job_merge(job *j, errmsg *e)
 {
     double t0 = job_cpu_s();
-    const uint16_t **codes = calloc((size_t)j->n, sizeof *codes);
+    strip s = {.codes = calloc((size_t)j->n, sizeof *s.codes), .missing = calloc((size_t)j->n, sizeof *s.missing)};
     merge *m = merge_new(&j->response, j->noise, j->exposure, j->n, j->opts.weight, j->dark != NULL, e);
     int bad = -1;
-    if (!codes)
+    if (!s.codes || !s.missing)
         err_set(e, "out of memory");
-    if (!codes || !m || allocate(j, e))
+    if (!s.codes || !s.missing || !m || allocate(j, e))
         goto done;
     j->facts.scale = 1;
     j->facts.merge_s += job_cpu_s() - t0;
-    bad = all_rows(j, m, codes, e);
+    bad = all_rows(j, m, &s, e);
     t0 = job_cpu_s();
     if (!bad && j->opts.hot)
         bad = heal(j, e);
@@ -319,7 +336,8 @@ int job_merge(job *j, errmsg *e)
         count_flags(j);
     j->facts.merge_s += job_cpu_s() - t0;
 done:
-    free(codes);
+    free(s.codes);
+    free(s.missing);
     merge_free(m);
     return bad;
 }

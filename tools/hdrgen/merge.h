@@ -20,7 +20,8 @@ enum merge_flag {
     MERGE_CLIPPED = 1, /* at the highest code in every exposure: radiance is a lower bound */
     MERGE_BLACK = 2,   /* at code 0 in every exposure: radiance is an upper bound */
     MERGE_GAP = 4,     /* clipped in some, black in the others: radiance is between the bounds */
-    MERGE_GHOST = 8    /* exposures that contradict the others were left out */
+    MERGE_GHOST = 8,   /* exposures that contradict the others were left out */
+    MERGE_MISSING = 16 /* missing in every exposure: radiance is 0 and means nothing */
 };
 
 enum { MERGE_MOST = 1024 }; /* exposures */
@@ -37,6 +38,8 @@ void merge_free(merge *m);
 typedef struct merge_row {
     const uint16_t *const *codes; /* [n] first sample of the row in each exposure */
     size_t stride;                /* from one pixel to the next in codes and pedestal */
+    const uint8_t *const *missing; /* [n] masks, not 0: that exposure says nothing there; or NULL, any or all */
+    size_t missing_stride;
     const float *pedestal;        /* exposure to subtract (dark frame), or NULL */
     int count;                    /* pixels */
     float *radiance;              /* exposure / t */

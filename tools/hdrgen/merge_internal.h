@@ -27,6 +27,7 @@ typedef struct codeval {
 typedef struct merge_channel {
     codeval *code;      /* [max_code + 1] */
     expectation *expect; /* [CELLS] */
+    int top;            /* codes from here on are clipped */
     int safe;           /* codes up to this are surely not clipped */
     float clip, black;  /* exposures at the edges of the highest code and of code 0 */
     float dim;          /* no noise makes more than this of black */

@@ -23,8 +23,8 @@ static double normal_cdf(double x)
 static void code_values(merge_channel *ch, const response *r, int c, const noise_model *m,
                         merge_weight weight)
 {
-    int top = r->max_code;
-    for (int z = 0; z <= top; z++) {
+    int top = r->clip[c];
+    for (int z = 0; z <= r->max_code; z++) {
         codeval *v = &ch->code[z];
         double e = r->finv[c][z];
         int inside = z > 0 && z < top;
@@ -38,6 +38,7 @@ static void code_values(merge_channel *ch, const response *r, int c, const noise
         v->w = (float)w;
         v->wy = (float)(inside && weight == MERGE_DEBEVEC ? w * log(e) : 0);
     }
+    ch->top = top;
     ch->clip = (float)response_edge(r, c, top);
     ch->safe = (int)response_forward(r, c, safe_share * ch->clip);
     ch->black = (float)response_edge(r, c, 1);
@@ -50,7 +51,7 @@ static void moments(const response *r, int c, const noise_model *m, double e, do
                     double *var, double *clipped)
 {
     enum { MOST = 96 };
-    int top = r->max_code, at = (int)(response_forward(r, c, e) + 0.5);
+    int top = r->clip[c], at = (int)(response_forward(r, c, e) + 0.5);
     double slope = response_slope(r, c, at);
     noise_model before = *m; /* rounding comes out of the sum over codes itself */
     before.code_var = fmax(m->code_var - 1.0 / 12, 0);

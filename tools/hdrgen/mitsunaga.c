@@ -25,7 +25,7 @@ static double poly(const double *c, int order, double x)
 static long pair_rows(qrls *q, const samples *s, int c, const double *lnt, const int *by_time, int order)
 {
     long rows = 0;
-    double top = s->max_code;
+    double top = s->clip[c];
     for (int i = 0; i < s->n[c]; i++) {
         const uint16_t *z = s->z[c] + (size_t)i * (size_t)s->exposures;
         for (int k = 1; k < s->exposures; k++) {
@@ -97,6 +97,12 @@ static int rises(const double *c, int order)
     return 1;
 }
 
+/* Codes above white, that don't occur, in a straight line. */
+static double beyond(const double *c, int order, double x)
+{
+    return x <= 1 ? poly(c, order, x) : 1 + (x - 1) * fmax(0, (1 - poly(c, order, 0.99)) / 0.01);
+}
+
 static int one_channel(response *r, int ch, solve_facts *facts, const samples *s, const double *lnt,
                        const int *by_time, errmsg *e)
 {
@@ -118,7 +124,7 @@ static int one_channel(response *r, int ch, solve_facts *facts, const samples *s
         return err_set(e, "channel %d: no rising polynomial fits: times or order of the images wrong?", ch);
     facts->pixels[ch] = s->n[ch];
     for (int z = 1; z <= r->max_code; z++)
-        r->finv[ch][z] = poly(best, order, (double)z / r->max_code);
+        r->finv[ch][z] = beyond(best, order, (double)z / s->clip[ch]);
     if (response_make_monotone(r, ch) < 0)
         return err_set(e, "channel %d: the polynomial is not positive", ch);
     return 0;
@@ -139,6 +145,7 @@ int mitsunaga_solve(response *r, solve_facts *facts, const samples *s, const dou
     }
     if (response_alloc(&got, s->channels, s->max_code, e))
         return -1;
+    memcpy(got.clip, s->clip, sizeof got.clip);
     for (int c = 0; c < s->channels; c++)
         if (one_channel(&got, c, facts, s, lnt, by_time, e)) {
             response_free(&got);

@@ -40,25 +40,37 @@ static float *bytes_as_floats(const uint8_t *b, size_t n)
     return f;
 }
 
+/* 1, and 0 where no exposure has anything to say. */
+static float *alpha_of(const uint8_t *flags, size_t n)
+{
+    float *a = malloc(n * sizeof *a);
+    for (size_t i = 0; a && i < n; i++)
+        a[i] = flags[i] & MERGE_MISSING ? 0 : 1;
+    return a;
+}
+
 int output_write(const job *j, const output_opts *o, output_type *type_used, errmsg *e)
 {
     static const char *const sigma_names[2][3] = {{"sigma.Y"}, {"sigma.R", "sigma.G", "sigma.B"}};
-    enum { MOST_PLANES = 5, ATTRS = 7 };
+    enum { MOST_PLANES = 6, ATTRS = 7 };
     const img_info *i = &j->radiance.info;
     size_t pixels = (size_t)i->width * (size_t)i->height, ch = (size_t)i->channels;
     img_plane planes[MOST_PLANES];
     int np = 0, code = -1;
     float *count = j->count ? bytes_as_floats(j->count, pixels) : NULL;
     float *flags = o->want_flags ? bytes_as_floats(j->flags, pixels) : NULL;
+    float *alpha = j->facts.missing ? alpha_of(j->flags, pixels) : NULL;
     float *times = malloc(sizeof *times * (size_t)j->n), noise[9];
     char *names = image_names(j);
-    if ((j->count && !count) || (o->want_flags && !flags) || !times || !names) {
+    if ((j->count && !count) || (j->facts.missing && !alpha) || (o->want_flags && !flags) || !times || !names) {
         err_set(e, "%s: out of memory", o->path);
         goto done;
     }
     *type_used = o->type == OUTPUT_HALF && fits_half(j->radiance.pix, pixels * ch) ? OUTPUT_HALF : OUTPUT_FLOAT;
     for (size_t c = 0; j->sigma && c < ch; c++)
         planes[np++] = (img_plane){sigma_names[ch == 3][c], j->sigma + c, ch, IMG_FLOAT};
+    if (alpha)
+        planes[np++] = (img_plane){"A", alpha, 1, IMG_HALF};
     if (count)
         planes[np++] = (img_plane){"exposures", count, 1, IMG_HALF};
     if (flags)
@@ -88,6 +100,7 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
 done:
     free(count);
     free(flags);
+    free(alpha);
     free(times);
     free(names);
     return code;

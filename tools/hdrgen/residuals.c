@@ -63,13 +63,13 @@ void channel_prepare(channel *h, const response *r, const noise_model *m, const 
 {
     double tmin = INFINITY, tmax = -INFINITY;
     const double *f = r->finv[h->c];
-    int top = r->max_code;
+    int top = r->clip[h->c];
     for (int k = 0; k < h->kk; k++) {
         tmin = fmin(tmin, lnt[k]);
         tmax = fmax(tmax, lnt[k]);
         h->rt[k] = (float)exp(-lnt[k]);
     }
-    for (int z = 0; z <= top; z++)
+    for (int z = 0; z <= r->max_code; z++)
         h->y[z] = (float)f[z];
     double lo = log(f[1]) - tmax, hi = log(f[top]) - tmin;
     h->lx0 = lo;
@@ -106,8 +106,8 @@ static float pedestal(const channel *h, int i)
 
 void channel_first_x(channel *h, const response *r, const noise_model *m)
 {
-    int top = r->max_code;
-    float *w = calloc((size_t)top + 1, sizeof *w);
+    int top = r->clip[h->c];
+    float *w = calloc((size_t)r->max_code + 1, sizeof *w);
     if (!w)
         return;
     for (int z = 1; z < top; z++) {

@@ -14,6 +14,7 @@ int response_alloc(response *r, int channels, int max_code, errmsg *e)
     r->channels = channels;
     r->max_code = max_code;
     for (int c = 0; c < channels; c++) {
+        r->clip[c] = max_code;
         r->finv[c] = calloc((size_t)max_code + 1, sizeof *r->finv[c]);
         if (!r->finv[c]) {
             response_free(r);
@@ -116,12 +117,23 @@ int response_make_monotone(response *r, int c)
 static double hat_mean_log(const response *r, int c)
 {
     double sum = 0, weight = 0;
-    for (int z = 1; z < r->max_code; z++) {
-        double w = fmin(z, r->max_code - z);
+    int top = r->clip[0]; /* one for all channels, so that equal codes count alike */
+    for (int k = 1; k < r->channels; k++)
+        top = r->clip[k] < top ? r->clip[k] : top;
+    for (int z = 1; z < top; z++) {
+        double w = fmin(z, top - z);
         sum += w * log(r->finv[c][z]);
         weight += w;
     }
-    return weight > 0 ? sum / weight : log(r->finv[c][r->max_code]);
+    return weight > 0 ? sum / weight : log(r->finv[c][top]);
+}
+
+int response_top(const response *r)
+{
+    int top = 0;
+    for (int c = 0; c < r->channels; c++)
+        top = r->clip[c] > top ? r->clip[c] : top;
+    return top;
 }
 
 int response_normalise(response *r)
@@ -130,7 +142,7 @@ int response_normalise(response *r)
     double gauge[RESPONSE_MAX_CHANNELS], top = 0;
     for (int c = 0; c < r->channels; c++) {
         gauge[c] = hat_mean_log(r, c);
-        top += (log(r->finv[c][r->max_code]) - gauge[c]) / r->channels;
+        top += (log(r->finv[c][r->clip[c]]) - gauge[c]) / r->channels;
     }
     for (int c = 0; c < r->channels; c++) {
         double scale = exp(-gauge[c] - top);
@@ -138,7 +150,7 @@ int response_normalise(response *r)
             r->finv[c][z] *= scale;
     }
     for (int c = 0; c < r->channels; c++)
-        if (!(r->finv[c][r->max_code] > 1 / most && r->finv[c][r->max_code] < most))
+        if (!(r->finv[c][r->clip[c]] > 1 / most && r->finv[c][r->clip[c]] < most))
             return -1;
     return 0;
 }

@@ -14,6 +14,7 @@ enum { RESPONSE_MAX_CHANNELS = 3 };
 typedef struct response {
     int channels;  /* 1 or 3 */
     int max_code;  /* highest code; tables have max_code + 1 entries */
+    int clip[RESPONSE_MAX_CHANNELS]; /* codes from here on are clipped: max_code, or where the series' white lies */
     double *finv[RESPONSE_MAX_CHANNELS]; /* owned; finv[c][0] = 0 */
     char origin[64];                     /* how it was come by, for the picture's header */
 } response;
@@ -33,9 +34,12 @@ int response_gamma(response *r, int channels, int max_code, double g, errmsg *e)
 int response_make_monotone(response *r, int c);
 
 /* Scale all channels so that the gauge holds: the hat-weighted mean over the codes of ln finv
- * is the same in each channel (equal codes are grey), and finv(max_code) is 1 on average (of
+ * is the same in each channel (equal codes are grey), and finv of what is clipped is 1 on average (of
  * logarithms).  -1 if the channels' curves are so different that this makes no sense. */
 int response_normalise(response *r);
+
+/* The highest of the channels' clipped codes. */
+int response_top(const response *r);
 
 /* Exposure at which the code changes from z-1 to z (z = 1..max_code): finv(z - 1/2). */
 double response_edge(const response *r, int c, int z);

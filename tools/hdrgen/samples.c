@@ -27,6 +27,7 @@ int sampler_init(sampler *p, int width, int height, int exposures, int channels,
     p->cell = cell < 1 ? 1 : cell;
     p->s.cap = ((width + p->cell - 1) / p->cell) * ((height + p->cell - 1) / p->cell);
     for (int c = 0; c < channels; c++) {
+        p->s.clip[c] = max_code;
         p->s.z[c] = malloc((size_t)p->s.cap * (size_t)exposures * sizeof *p->s.z[c]);
         if (with_dark)
             p->s.dark[c] = malloc((size_t)p->s.cap * sizeof *p->s.dark[c]);
@@ -43,6 +44,7 @@ void samples_free(samples *s)
     for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++) {
         free(s->z[c]);
         free(s->dark[c]);
+        free(s->gone[c]);
     }
     memset(s, 0, sizeof *s);
 }
@@ -76,7 +78,20 @@ static long gradient(const sampler *p, const uint16_t *const *codes, int x, int 
     return sum;
 }
 
-static void take(sampler *p, const uint16_t *const *codes, const uint16_t *dark, int x, int y, int at_y)
+static int need_masks(sampler *p, const uint8_t *const *missing, errmsg *e)
+{
+    samples *s = &p->s;
+    int any = 0;
+    for (int k = 0; k < s->exposures; k++)
+        any |= missing[k] != NULL;
+    for (int c = 0; any && c < s->channels; c++)
+        if (!s->gone[c] && !(s->gone[c] = calloc((size_t)s->cap, (size_t)s->exposures)))
+            return err_set(e, "out of memory for %d sample pixels", s->cap);
+    return 0;
+}
+
+static void take(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing, const uint16_t *dark, int x, int y,
+                 int at_y)
 {
     samples *s = &p->s;
     size_t at = ((size_t)y * (size_t)p->width + (size_t)x) * (size_t)p->lanes;
@@ -87,15 +102,21 @@ static void take(sampler *p, const uint16_t *const *codes, const uint16_t *dark,
             continue;
         if (dark)
             s->dark[c][s->n[c]] = dark[at + (size_t)l];
-        uint16_t *z = s->z[c] + (size_t)s->n[c]++ * (size_t)s->exposures;
-        for (int k = 0; k < s->exposures; k++)
-            z[k] = codes[k][at + (size_t)l];
+        size_t to = (size_t)s->n[c]++ * (size_t)s->exposures;
+        for (int k = 0; k < s->exposures; k++) {
+            s->z[c][to + (size_t)k] = codes[k][at + (size_t)l];
+            if (missing[k])
+                s->gone[c][to + (size_t)k] = missing[k][(size_t)y * (size_t)p->width + (size_t)x];
+        }
     }
 }
 
-void sampler_strip(sampler *p, const uint16_t *const *codes, const uint16_t *dark, int y0, int rows)
+int sampler_strip(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing, const uint16_t *dark, int y0,
+                  int rows, errmsg *e)
 {
     int cell = p->cell;
+    if (need_masks(p, missing, e))
+        return -1;
     /* a cell belongs to the strip that holds its first row, and is cut off at the strip's end */
     for (int cy = (y0 + cell - 1) / cell * cell; cy < y0 + rows; cy += cell) {
         int high = cy + cell <= y0 + rows ? cell : y0 + rows - cy;
@@ -116,7 +137,8 @@ void sampler_strip(sampler *p, const uint16_t *const *codes, const uint16_t *dar
                 if (cell == 1)
                     break;
             }
-            take(p, codes, dark, best_x, best_y - y0, best_y);
+            take(p, codes, missing, dark, best_x, best_y - y0, best_y);
         }
     }
+    return 0;
 }

@@ -17,7 +17,9 @@ typedef struct samples {
     int exposures, channels, max_code;
     int n[RESPONSE_MAX_CHANNELS];
     int cap;
-    uint16_t *z[RESPONSE_MAX_CHANNELS]; /* z[c][i*exposures + k] */
+    int clip[RESPONSE_MAX_CHANNELS];    /* codes from here on are clipped: max_code until white.h says otherwise */
+    uint16_t *z[RESPONSE_MAX_CHANNELS]; /* z[c][i*exposures + k]; max_code where clipped or missing */
+    uint8_t *gone[RESPONSE_MAX_CHANNELS]; /* like z: not 0 where missing; NULL where nothing is */
     uint16_t *dark[RESPONSE_MAX_CHANNELS]; /* dark[c][i]: the dark frame's code there; or NULL */
 } samples;
 
@@ -32,9 +34,10 @@ typedef struct sampler {
 int sampler_init(sampler *p, int width, int height, int exposures, int channels, int max_code,
                  const int *bayer, int with_dark, int wanted, errmsg *e);
 
-/* Look at rows [y0, y0+rows); codes[k] points at row y0 of exposure k, dark at that of the dark
+/* Look at rows [y0, y0+rows); codes[k] and missing[k] (frames.h) point at row y0 of exposure k, dark at that of the dark
  * frame (NULL without). */
-void sampler_strip(sampler *p, const uint16_t *const *codes, const uint16_t *dark, int y0, int rows);
+int sampler_strip(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing, const uint16_t *dark, int y0,
+                  int rows, errmsg *e);
 
 void samples_free(samples *s);
 
