@@ -35,7 +35,7 @@ typedef struct cli_opt {
     void *dest;          /* as the kind says; for CLI_CALL what the function gets as arg */
     cli_call_fn *call;   /* CLI_CALL only */
     const char *metavar; /* value's name in --help, NULL for CLI_FLAG */
-    const char *help;    /* one or more lines; unit and default included */
+    const char *help;    /* running text, filled to the terminal's width; unit and default included */
 } cli_opt;
 
 typedef struct cli_prog {
@@ -43,7 +43,7 @@ typedef struct cli_prog {
     const char *operands; /* usage after the options: "-o OUT IMAGE..." */
     const char *summary;  /* one sentence */
     const cli_opt *opts;
-    const char *epilog;   /* more text for --help, or NULL */
+    const char *epilog;   /* more text for --help, or NULL: filled too, but for empty lines and lines that begin with a blank */
 } cli_prog;
 
 extern int cli_quiet;   /* --quiet was given */

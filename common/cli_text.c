@@ -93,28 +93,34 @@ void cli_progress(const char *what, double done, double total)
 
 enum { LINE = 80, LEFT_MAX = 30 };
 
-/* Text broken at spaces to the line's width, each line but the first indented; ends the line. */
-static void put_wrapped(const char *text, int indent)
+/* A newline in a text is a blank, but for paragraphs and for lines that begin with a blank (a table's rows). */
+static int ends_line(const char *text, const char *newline)
 {
-    int column = indent, first = 1;
-    while (*text) {
-        if (*text == '\n') {
-            printf("\n%*s", text[1] ? indent : 0, "");
+    return newline[1] == '\n' || newline[1] == ' ' || (newline > text && newline[-1] == '\n');
+}
+
+/* Text filled to the line's width from `column` on, each line but the first indented; ends the line. */
+static void put_wrapped(const char *text, int column, int indent)
+{
+    int first = 1;
+    for (const char *p = text; *p && (*p != '\n' || p[1]);) {
+        if (*p == '\n' && ends_line(text, p)) {
+            printf("\n%*s", p[1] != '\n' ? indent : 0, "");
             column = indent;
             first = 1;
-            text++;
+            p++;
             continue;
         }
-        size_t spaces = strspn(text, " "), word = strcspn(text + spaces, " \n");
-        if (!first && column + (int)(spaces + word) > LINE) {
+        size_t blanks = strspn(p, " ") + (*p == '\n'), word = strcspn(p + blanks, " \n");
+        if (!first && column + (int)(blanks + word) > LINE) {
             printf("\n%*s", indent, "");
             column = indent;
-            text += spaces;
-            spaces = 0;
+            p += blanks;
+            blanks = 0;
         }
-        printf("%.*s", (int)(spaces + word), text);
-        column += (int)(spaces + word);
-        text += spaces + word;
+        printf("%*s%.*s", (int)blanks, "", (int)word, p + blanks);
+        column += (int)(blanks + word);
+        p += blanks + word;
         first = 0;
     }
     putchar('\n');
@@ -139,8 +145,9 @@ void cli_print_help(const cli_prog *prog)
             if (n <= LEFT_MAX && n > width) width = n;
         }
     }
-    printf("Usage: %s [OPTION]... %s\n", prog->name, prog->operands ? prog->operands : "");
-    put_wrapped(prog->summary, 0);
+    int used = printf("Usage: %s [OPTION]... ", prog->name);
+    put_wrapped(prog->operands ? prog->operands : "", used, 4);
+    put_wrapped(prog->summary, 0, 0);
     printf("\nOptions:\n");
     for (int t = 0; t < 2; t++) {
         for (const cli_opt *o = tables[t]; o && o->name; o++) {
@@ -149,11 +156,11 @@ void cli_print_help(const cli_prog *prog)
                 printf("%s\n%*s", left, width + 2, "");
             else
                 printf("%-*s", width + 2, left);
-            put_wrapped(o->help, width + 2);
+            put_wrapped(o->help, width + 2, width + 2);
         }
     }
     if (prog->epilog) {
         putchar('\n');
-        put_wrapped(prog->epilog, 0);
+        put_wrapped(prog->epilog, 0, 0);
     }
 }

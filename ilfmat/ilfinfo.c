@@ -173,7 +173,7 @@ int main(int argc, char **argv)
     int w = 0, h = 0;
     ilf *field;
 
-    if (n != 1) cli_fail(CLI_USAGE, "expected one light field, found %d; try 'ilfinfo --help'", n);
+    if (n != 1) cli_fail(CLI_USAGE, "expected one light field, found %d", n);
     if (montage_size < 1 || montage_size > 16384) cli_fail(CLI_USAGE, "--size: expected 1 to 16384 pixels, found %d", montage_size);
     if (montage && header_only) cli_fail(CLI_USAGE, "--header reads no probe, --montage needs them all");
     if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);

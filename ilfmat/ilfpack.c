@@ -136,12 +136,12 @@ static void check_usage(int operands)
     ilf_error bad;
     errmsg err;
 
-    if (!n_u) cli_fail(CLI_USAGE, "expected --grid NxM; try 'ilfpack --help'");
-    if (!plane_text) cli_fail(CLI_USAGE, "expected --plane \"O U V\"; try 'ilfpack --help'");
+    if (!n_u) cli_fail(CLI_USAGE, "expected --grid NxM");
+    if (!plane_text) cli_fail(CLI_USAGE, "expected --plane \"O U V\"");
     if (cli_parse_doubles(plane, 9, plane_text, " ", &err) != 0) cli_fail(CLI_USAGE, "--plane: %s", err.text);
     if (ilf_frame_init(&frame, plane, plane + 3, plane + 6, NULL, &bad) != ILF_OK)
         cli_fail(CLI_USAGE, "--plane: %s", bad.text);
-    if (!target) cli_fail(CLI_USAGE, "expected -o OUT.ilf.exr; try 'ilfpack --help'");
+    if (!target) cli_fail(CLI_USAGE, "expected -o OUT.ilf.exr");
     if (strcmp(type_name, "half") != 0 && strcmp(type_name, "float") != 0)
         cli_fail(CLI_USAGE, "--type: expected half or float, found %s", type_name);
     if ((int64_t)n_u * n_v != operands)

@@ -72,7 +72,7 @@ int main(int argc, char **argv)
     ilf_error err;
     ilf *field;
 
-    if (n != 1) cli_fail(CLI_USAGE, "expected one light field, found %d; try 'ilftrace --help'", n);
+    if (n != 1) cli_fail(CLI_USAGE, "expected one light field, found %d", n);
     if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     set_frame(&frame, field);
 
