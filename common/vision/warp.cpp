@@ -11,7 +11,7 @@ extern "C" {
 
 namespace {
 
-// the least part of a clipped code that makes the result clipped: below, it is within a code of the top
+// the least part of a clipped code that makes the result clipped: below, it is within a code of the other
 const float part = 1.f / 512;
 
 cv::Mat affine(const motion &m)
@@ -28,20 +28,21 @@ void to_light(cv::Mat &light, cv::Mat &clipped, const cv::Mat &codes, const warp
     for (int y = 0; y < codes.rows; y++) {
         const uint16_t *z = codes.ptr<uint16_t>(y);
         float *to = clipped.ptr<float>(y);
-        for (int i = 0; i < codes.cols * codes.channels(); i++) to[i] = z[i] >= o.clip ? 1.f : 0.f;
+        for (int i = 0; i < codes.cols * codes.channels(); i++) to[i] = z[i] >= o.clip[i % codes.channels()] ? 1.f : 0.f;
     }
 }
 
 void to_codes(cv::Mat codes, const cv::Mat &light, const cv::Mat &clipped, const warp_opts &o)
 {
+    int ch = codes.channels();
     for (int y = 0; y < codes.rows; y++) {
         const float *v = light.ptr<float>(y), *c = clipped.ptr<float>(y);
         uint16_t *to = codes.ptr<uint16_t>(y);
-        for (int i = 0; i < codes.cols * codes.channels(); i++) {
+        for (int i = 0; i < codes.cols * ch; i++) {
             float z = (o.linear ? v[i] : std::sqrt(v[i] > 0 ? v[i] : 0)) + .5f;
-            int code = z > 0 ? (int)z : 0;
-            /* what no clipped code has a part in stays below the clip level */
-            to[i] = (uint16_t)(c[i] > part ? o.clip : code < o.clip ? code : o.clip - 1);
+            int code = z > 0 ? (int)z : 0, clip = o.clip[i % ch];
+            // what no clipped code has a part in stays below the clip level
+            to[i] = (uint16_t)(c[i] > part ? clip : code < clip ? code : clip - 1);
         }
     }
 }
@@ -78,13 +79,13 @@ void warp_plane(cv::Mat out, cv::Mat seen, const cv::Mat &in, const motion &m, c
         cv::Size size(in.cols, rows);
         cv::warpAffine(light, light_there, w, size, how, cv::BORDER_REPLICATE);
         cv::warpAffine(clipped, clipped_there, w, size, how, cv::BORDER_REPLICATE);
-        to_codes(out.rowRange(y0, y0 + rows), light_there, clipped_there, o);
         for (int y = y0; y < y0 + rows; y++)
             for (int x = 0; x < in.cols; x++) {
                 double mx, my;
                 motion_apply(&m, x, y, &mx, &my);
                 seen.at<uint8_t>(y, x) = mx >= -.5 && my >= -.5 && mx <= most_x && my <= most_y;
             }
+        to_codes(out.rowRange(y0, y0 + rows), light_there, clipped_there, o);
     }
 }
 
