@@ -333,7 +333,8 @@ int frames_rewind(frames *f, errmsg *e)
             f->f[k].r = NULL;
         }
     for (int k = 0; k < f->facts.n && !f->have_all; k++)
-        f->f[k].present = 0;
+        if (!f->f[k].spool_gone) /* those were counted when they were moved */
+            f->f[k].present = 0;
     f->y = 0;
     return 0;
 }
