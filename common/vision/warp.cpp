@@ -32,6 +32,25 @@ void to_light(cv::Mat &light, cv::Mat &clipped, const cv::Mat &codes, const warp
     }
 }
 
+// Values of `light` at the moved places, by a sharp kernel, but none beyond the four pixels around: a lamp has no dark ring.
+cv::Mat at_places(const cv::Mat &light, const cv::Mat &w, cv::Size size)
+{
+    const int flags = cv::WARP_INVERSE_MAP;
+    cv::Mat there, low, high, bound;
+    cv::warpAffine(light, there, w, size, cv::INTER_LANCZOS4 | flags, cv::BORDER_REPLICATE);
+    cv::Mat square = cv::Mat::ones(2, 2, CV_8U);
+    cv::erode(light, low, square, cv::Point(0, 0), 1, cv::BORDER_REPLICATE);
+    cv::dilate(light, high, square, cv::Point(0, 0), 1, cv::BORDER_REPLICATE);
+    cv::Mat corner = w.clone(); // of the four pixels: the nearest to half a pixel less is the floor
+    corner.at<double>(0, 2) -= .5;
+    corner.at<double>(1, 2) -= .5;
+    cv::warpAffine(low, bound, corner, size, cv::INTER_NEAREST | flags, cv::BORDER_REPLICATE);
+    cv::max(there, bound, there);
+    cv::warpAffine(high, bound, corner, size, cv::INTER_NEAREST | flags, cv::BORDER_REPLICATE);
+    cv::min(there, bound, there);
+    return there;
+}
+
 void to_codes(cv::Mat codes, const cv::Mat &light, const cv::Mat &clipped, const warp_opts &o)
 {
     int ch = codes.channels();
@@ -58,8 +77,8 @@ cv::Range source_rows(const motion &m, int width, int height, int y, int rows)
         least = std::min(least, my);
         most = std::max(most, my);
     }
-    int first = (int)std::floor(std::clamp(least - 2, 0., height - 1.));
-    int last = (int)std::ceil(std::clamp(most + 2, 0., height - 1.));
+    int first = (int)std::floor(std::clamp(least - 4, 0., height - 1.));
+    int last = (int)std::ceil(std::clamp(most + 4, 0., height - 1.));
     return cv::Range(first, last + 1);
 }
 
@@ -77,7 +96,7 @@ void warp_plane(cv::Mat out, cv::Mat seen, const cv::Mat &in, const motion &m, c
         cv::Mat light, clipped, light_there, clipped_there, w = affine(here);
         to_light(light, clipped, in.rowRange(from), o);
         cv::Size size(in.cols, rows);
-        cv::warpAffine(light, light_there, w, size, how, cv::BORDER_REPLICATE);
+        light_there = at_places(light, w, size);
         cv::warpAffine(clipped, clipped_there, w, size, how, cv::BORDER_REPLICATE);
         for (int y = y0; y < y0 + rows; y++)
             for (int x = 0; x < in.cols; x++) {

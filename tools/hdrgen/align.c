@@ -51,7 +51,7 @@ static int believable(const motion_found *f, double reach)
     return f->after >= least_corr && won >= least_gain * f->after * (1 - f->self) && won >= share * (1 - f->before);
 }
 
-/* The step from shot `rest` to its neighbour `moved`, away from the middle. */
+/* The step from shot `rest` to `moved`, further from the middle. */
 static int step(align_shot *out, const align_picture *pictures, const double *exposure, int rest, int moved, int w,
                 int h, float *room, errmsg *e)
 {
@@ -80,8 +80,11 @@ int align_estimate(align_shot *out, const align_picture *pictures, const double 
     float *room = malloc(2 * (size_t)w * (size_t)h * sizeof *room);
     if (!room) return err_set(e, "aligning: out of memory for %dx%d pixels", w, h);
     out[middle] = (align_shot){.before = 1, .after = 1, .registered = 1};
-    for (int k = middle - 1; k >= 0 && !bad; k--) bad = step(out, pictures, exposure, k + 1, k, w, h, room, e);
-    for (int k = middle + 1; k < n && !bad; k++) bad = step(out, pictures, exposure, k - 1, k, w, h, room, e);
+    /* a shot of something else must not cut the chain: the next one is held against the last that was registered */
+    for (int k = middle - 1, rest = middle; k >= 0 && !bad; rest = out[k].registered ? k : rest, k--)
+        bad = step(out, pictures, exposure, rest, k, w, h, room, e);
+    for (int k = middle + 1, rest = middle; k < n && !bad; rest = out[k].registered ? k : rest, k++)
+        bad = step(out, pictures, exposure, rest, k, w, h, room, e);
     free(room);
     for (int k = 0; k < n && !bad; k++) out[k].moves = align_reach(&out[k].m, w, h) >= least_reach;
     return bad;
