@@ -19,6 +19,7 @@
 
 #include "cli_internal.h"
 #include "outfile.h"
+#include "remark.h"
 
 int cli_quiet;
 int cli_threads;
@@ -188,9 +189,15 @@ static void install_signals(void)
     }
 }
 
+static void note_line(const char *line)
+{
+    cli_note("%s", line);
+}
+
 int cli_parse(const cli_prog *prog, int argc, char **argv)
 {
     the_prog = prog;
+    remark_to(note_line);
     install_signals();
     free(given);
     given = malloc(((size_t)argc + 1) * sizeof *given);

@@ -53,7 +53,8 @@ extern int cli_threads; /* --threads N; 0 = as many as there are cores */
 /* Parse argv; operands are moved, in order, to argv[1..].  Returns their number.
  * --help and --version print to stdout and exit 0; a usage error prints one line and
  * exits CLI_USAGE.  Also sets OpenMP's thread count where the program is built with it,
- * ignores SIGPIPE and installs out_cleanup on fatal signals (outfile.h).  main() only. */
+ * ignores SIGPIPE, installs out_cleanup on fatal signals (outfile.h) and sends the libraries' remarks
+ * (remark.h) to cli_note.  main() only. */
 int cli_parse(const cli_prog *prog, int argc, char **argv);
 
 /* One line on stderr: "prog: words\n". */

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "image_internal.h"
 
@@ -69,6 +70,20 @@ static FILE *spool(FILE *in)
     return out;
 }
 
+/* Standard input is read once and kept: it can be opened again, as a file can. */
+static FILE *standard_input(void)
+{
+    static int kept = -1;
+    char name[32];
+    if (kept < 0) {
+        FILE *f = spool(stdin);
+        if (f) kept = dup(fileno(f));
+        return f;
+    }
+    snprintf(name, sizeof name, "/dev/fd/%d", kept);
+    return fopen(name, "rb"); /* with a place of its own in it */
+}
+
 static int open_file(img_reader *r, const char *path, errmsg *e)
 {
     int is_stdin = strcmp(path, "-") == 0;
@@ -84,7 +99,7 @@ static int open_file(img_reader *r, const char *path, errmsg *e)
     if (S_ISREG(st.st_mode) && !is_stdin) {
         r->f = in;
     } else {
-        r->f = spool(in);
+        r->f = is_stdin ? standard_input() : spool(in);
         if (!r->f) err_errno(e, "%s: can't read", r->path);
         if (!is_stdin) fclose(in);
         if (!r->f) return -1;
@@ -117,9 +132,18 @@ static int choose_codec(img_reader *r, errmsg *e)
 
 int img_reader_open(img_reader **out, const char *path, errmsg *e)
 {
+    return img_reader_open_as(out, path, NULL, e);
+}
+
+int img_reader_open_as(img_reader **out, const char *path, const img_open_opts *opts, errmsg *e)
+{
     img_reader *r = calloc(1, sizeof *r);
     if (!r) return err_set(e, "%s: out of memory", path);
-    if (open_file(r, path, e) < 0 || choose_codec(r, e) < 0 || r->codec->open(r, e) < 0) {
+    if (opts) r->opts = *opts;
+    r->info.orientation = 1;
+    r->info.pixel_aspect = 1;
+    if (open_file(r, path, e) < 0 || choose_codec(r, e) < 0 || r->codec->open(r, e) < 0 ||
+        img_shape_open(r, e) < 0) {
         img_reader_close(r);
         return -1;
     }
@@ -131,6 +155,7 @@ void img_reader_close(img_reader *r)
 {
     if (!r) return;
     if (r->codec) r->codec->close(r);
+    img_shape_close(r);
     if (r->f) fclose(r->f);
     free((char *)r->path);
     free(r);
@@ -140,52 +165,27 @@ void img_reader_close(img_reader *r)
 
 const img_info *img_reader_info(const img_reader *r)
 {
-    return &r->info;
+    return &r->shown;
+}
+
+int img_reader_fact(img_reader *r, const char *name, char *text, size_t room)
+{
+    return r->codec->fact ? r->codec->fact(r, name, text, room) : 0;
 }
 
 int img_reader_rows(img_reader *r, float *rows, int nrows, errmsg *e)
 {
-    size_t stride = (size_t)r->info.width * (size_t)r->info.channels;
+    size_t stride = (size_t)r->shown.width * (size_t)r->shown.channels;
     if (r->failed) return img_bad(r, e, "an earlier row could not be read");
-    if (nrows < 0 || nrows > r->info.height - r->y)
+    if (nrows < 0 || nrows > r->shown.height - r->given)
         return img_bad(r, e, "expected to read at most %d more rows, found a request for %d",
-                       r->info.height - r->y, nrows);
-    for (int i = 0; i < nrows; i++, r->y++) {
-        if (r->codec->row(r, rows + (size_t)i * stride, e) < 0) {
+                       r->shown.height - r->given, nrows);
+    for (int i = 0; i < nrows; i++, r->given++) {
+        if (img_shape_row(r, rows + (size_t)i * stride, e) < 0) {
             r->failed = 1;
             return -1;
         }
     }
-    return 0;
-}
-
-int img_held_row(img_reader *r, float **held, img_order order,
-                 int (*next)(img_reader *r, float *line, errmsg *e), float *row, errmsg *e)
-{
-    size_t w = (size_t)r->info.width, h = (size_t)r->info.height, c = (size_t)r->info.channels;
-    if (!*held) {
-        size_t lines = order.columns ? w : h, length = order.columns ? h : w;
-        float *line = malloc(length * c * sizeof *line);
-        *held = malloc(w * h * c * sizeof **held);
-        if (!line || !*held) {
-            free(line);
-            return img_bad(r, e, "out of memory for %zux%zu pixels", w, h);
-        }
-        for (size_t l = 0; l < lines; l++) {
-            if (next(r, line, e) < 0) {
-                free(line);
-                return -1;
-            }
-            for (size_t p = 0; p < length; p++) {
-                size_t x = order.columns ? l : p, y = order.columns ? p : l;
-                if (order.flip_x) x = w - 1 - x;
-                if (order.flip_y) y = h - 1 - y;
-                memcpy(*held + (y * w + x) * c, line + p * c, c * sizeof *line);
-            }
-        }
-        free(line);
-    }
-    memcpy(row, *held + (size_t)r->y * w * c, w * c * sizeof *row);
     return 0;
 }
 
@@ -218,11 +218,16 @@ void img_free(img *im)
 
 int img_load(img *im, const char *path, errmsg *e)
 {
+    return img_load_as(im, path, NULL, e);
+}
+
+int img_load_as(img *im, const char *path, const img_open_opts *opts, errmsg *e)
+{
     img_reader *r;
     img got = {0};
-    if (img_reader_open(&r, path, e) < 0) return -1;
-    int rc = alloc_pixels(&got, &r->info, r->path, e);
-    if (rc == 0) rc = img_reader_rows(r, got.pix, r->info.height, e);
+    if (img_reader_open_as(&r, path, opts, e) < 0) return -1;
+    int rc = alloc_pixels(&got, &r->shown, r->path, e);
+    if (rc == 0) rc = img_reader_rows(r, got.pix, r->shown.height, e);
     if (rc == 0)
         *im = got;
     else
@@ -233,9 +238,14 @@ int img_load(img *im, const char *path, errmsg *e)
 
 int img_probe(img_info *info, const char *path, errmsg *e)
 {
+    return img_probe_as(info, path, NULL, e);
+}
+
+int img_probe_as(img_info *info, const char *path, const img_open_opts *opts, errmsg *e)
+{
     img_reader *r;
-    if (img_reader_open(&r, path, e) < 0) return -1;
-    *info = r->info;
+    if (img_reader_open_as(&r, path, opts, e) < 0) return -1;
+    *info = r->shown;
     img_reader_close(r);
     return 0;
 }

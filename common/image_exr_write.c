@@ -1,6 +1,7 @@
 /*
  * image_exr_write.c - writing scan-line OpenEXR through OpenEXRCore: R, G, B(, A) or Y(, A), and
- * whatever further channels and attributes the caller has.
+ * whatever further channels and attributes the caller has.  Colours are not multiplied by alpha: an attribute
+ * says so.
  */
 #include <math.h>
 #include <openexr.h>
@@ -77,6 +78,11 @@ static exr_result_t put_attr(exr_context_t ctx, const img_attr *a)
         return exr_attr_set_int(ctx, 0, a->name, (int32_t)a->v[0]);
     case IMG_ATTR_FLOATS:
         return exr_attr_set_float_vector(ctx, 0, a->name, a->n, a->f);
+    case IMG_ATTR_CHROMATICITIES: {
+        exr_attr_chromaticities_t c = {a->f[0], a->f[1], a->f[2], a->f[3],
+                                       a->f[4], a->f[5], a->f[6], a->f[7]};
+        return exr_attr_set_chromaticities(ctx, 0, a->name, &c);
+    }
     case IMG_ATTR_V3F: {
         exr_attr_v3f_t v = {.x = (float)a->v[0], .y = (float)a->v[1], .z = (float)a->v[2]};
         return exr_attr_set_v3f(ctx, 0, a->name, &v);
@@ -101,6 +107,10 @@ static int write_header(exr_context_t ctx, const img *im, const char *path, cons
     if (opts->comment) {
         rc = exr_attr_set_string(ctx, 0, "comments", opts->comment);
         if (rc != EXR_ERR_SUCCESS) return failed(path, e, rc, "attribute comments");
+    }
+    if (im->info.channels == 2 || im->info.channels == 4) {
+        rc = exr_attr_set_string(ctx, 0, EXR_STRAIGHT, EXR_STRAIGHT_VALUE);
+        if (rc != EXR_ERR_SUCCESS) return failed(path, e, rc, "attribute " EXR_STRAIGHT);
     }
     for (int i = 0; i < opts->nattrs; i++) {
         rc = put_attr(ctx, &opts->attrs[i]);

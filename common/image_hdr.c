@@ -6,8 +6,9 @@
  * 1 1 1 n repeats the last one) or in new ones (2 2 w w, then four runs of bytes).
  * A byte c with exponent e stands for (c + 1/2)·2^(e - 136), as in Radiance.
  *
- * Radiance = value / (product of all EXPOSURE lines), and per channel / COLORCORR.  XYZE values
- * are photometric: Y in cd/m², so RGB = M·XYZ / 179 with the matrix of Radiance's primaries.
+ * Radiance = value / (product of all EXPOSURE lines), and per channel / COLORCORR.  The product of all
+ * PIXASPECT lines is a pixel's height over its width.  XYZE values are photometric: Y in cd/m², so RGB =
+ * M·XYZ / 179 with the matrix of Radiance's primaries.
  */
 #include <ctype.h>
 #include <math.h>
@@ -15,18 +16,19 @@
 #include <string.h>
 
 #include "image_internal.h"
+#include "remark.h"
 
 enum { HEADER_MAX = 1 << 20, LINE_MAX_BYTES = 4096, RLE_MIN = 8, RLE_MAX = 32767 };
 
 typedef struct hdr_state {
-    int xyz;
+    int xyz, recolour;
     img_order order;
     int length;          /* pixels in a stored line */
     double scale[3];     /* value -> radiance */
-    double to_rgb[3][3]; /* XYZE only */
+    double to_rgb[3][3]; /* XYZE, and other primaries than Radiance's */
     float power[256];    /* of the exponent byte */
     unsigned char *line; /* 4 bytes a pixel */
-    float *held;
+    void *held;
 } hdr_state;
 
 /* Some tools put lines before "#?RADIANCE", so that any line of the header may tell. */
@@ -73,6 +75,24 @@ static int positive_numbers(const char *s, double *v, int n)
     return 0;
 }
 
+/* The last such line counts.  XYZE has none of its own. */
+static int primaries_line(img_reader *r, hdr_state *s, const char *line, errmsg *e)
+{
+    double xy[8];
+    const char *p = line + 10;
+    for (int i = 0; i < 8; i++) {
+        char *end;
+        xy[i] = strtod(p, &end);
+        if (end == p || !isfinite(xy[i]))
+            return img_bad(r, e, "expected PRIMARIES= with eight numbers, found '%.100s'", line);
+        p = end;
+    }
+    s->recolour = img_primaries(s->to_rgb, xy);
+    return s->recolour < 0
+               ? img_bad(r, e, "expected PRIMARIES= that make a colour space, found '%.100s'", line)
+               : 0;
+}
+
 static int header_line(img_reader *r, hdr_state *s, const char *line, errmsg *e)
 {
     double v[3];
@@ -90,6 +110,17 @@ static int header_line(img_reader *r, hdr_state *s, const char *line, errmsg *e)
         if (positive_numbers(line + 10, v, 3) < 0)
             return img_bad(r, e, "expected COLORCORR= with three positive numbers, found '%.100s'", line);
         for (int i = 0; i < 3; i++) s->scale[i] /= v[i];
+    } else if (strncmp(line, "PIXASPECT=", 10) == 0) {
+        if (positive_numbers(line + 10, v, 1) < 0)
+            return img_bad(r, e, "expected PIXASPECT= with a positive number, found '%.100s'", line);
+        r->info.pixel_aspect *= v[0];
+    } else if (strncmp(line, "aperture=", 9) ==
+               0) { /* as hdrgen writes it; nothing hangs on it being a number */
+        if (positive_numbers(line + 9, v, 1) == 0) r->info.f_number = v[0];
+    } else if (strncmp(line, "isoSpeed=", 9) == 0) {
+        if (positive_numbers(line + 9, v, 1) == 0) r->info.iso = v[0];
+    } else if (strncmp(line, "PRIMARIES=", 10) == 0) {
+        return primaries_line(r, s, line, e);
     }
     return 0; /* every other line is somebody else's */
 }
@@ -164,10 +195,31 @@ static int hdr_open(img_reader *r, errmsg *e)
     for (int i = 0; i < 3; i++)
         if (!isfinite(s->scale[i]) || !(s->scale[i] > 0))
             return img_bad(r, e, "EXPOSURE lines multiply out of range");
-    if (s->xyz) xyz_matrix(s->to_rgb);
+    if (s->xyz)
+        xyz_matrix(s->to_rgb);
+    else if (s->recolour)
+        remark(
+            r->path,
+            "colours converted from its own primaries to Rec. 709's, through XYZ without adapting the white");
     for (int i = 1; i < 256; i++) s->power[i] = ldexpf(1, i - 136);
     s->line = malloc((size_t)s->length * 4);
     return s->line ? 0 : img_bad(r, e, "out of memory");
+}
+
+static int hdr_fact(img_reader *r, const char *name, char *text, size_t room)
+{
+    char line[LINE_MAX_BYTES];
+    size_t n = strlen(name);
+    int found = 0;
+    off_t back = ftello(r->f);
+    rewind(r->f);
+    while (!found && read_line(r->f, line, sizeof line) >= 0 && line[0])
+        if (strncmp(line, name, n) == 0 && line[n] == '=') {
+            snprintf(text, room, "%s", line + n + 1 + strspn(line + n + 1, " "));
+            found = 1;
+        }
+    fseeko(r->f, back, SEEK_SET);
+    return found;
 }
 
 static void hdr_close(img_reader *r)
@@ -241,7 +293,8 @@ static int hdr_line(img_reader *r, float *out, errmsg *e)
         double f = (double)s->power[b[3]], v[3] = {(b[0] + 0.5) * f, (b[1] + 0.5) * f, (b[2] + 0.5) * f};
         for (int i = 0; i < 3; i++) {
             double c = v[i];
-            if (s->xyz) c = s->to_rgb[i][0] * v[0] + s->to_rgb[i][1] * v[1] + s->to_rgb[i][2] * v[2];
+            if (s->xyz || s->recolour)
+                c = s->to_rgb[i][0] * v[0] + s->to_rgb[i][1] * v[1] + s->to_rgb[i][2] * v[2];
             out[3 * x + i] = (float)(c * s->scale[i]);
         }
     }
@@ -252,7 +305,10 @@ static int hdr_row(img_reader *r, float *row, errmsg *e)
 {
     hdr_state *s = r->state;
     if (!s->order.columns && !s->order.flip_x && !s->order.flip_y) return hdr_line(r, row, e);
-    return img_held_row(r, &s->held, s->order, hdr_line, row, e);
+    int w = r->info.width, h = r->info.height;
+    if (!s->held && img_hold(&s->held, 4, r, w, h, 3, s->order, hdr_line, e) < 0) return -1;
+    img_held(row, s->held, 4, (size_t)r->y * (size_t)w * 3, (size_t)w * 3);
+    return 0;
 }
 
-const img_codec img_codec_hdr = {"hdr", hdr_sniff, hdr_open, hdr_row, hdr_close};
+const img_codec img_codec_hdr = {"hdr", hdr_sniff, hdr_open, hdr_row, hdr_close, hdr_fact};

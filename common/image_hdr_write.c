@@ -69,9 +69,10 @@ static void put_attr(FILE *f, const img_attr *a)
         put_line_of_text(f, a->name, a->s);
         return;
     }
-    fprintf(f, "%s=", a->name);
-    if (a->kind == IMG_ATTR_FLOATS) {
-        for (int i = 0; i < a->n; i++) fprintf(f, "%s%.9g", i ? " " : "", (double)a->f[i]);
+    int chroma = a->kind == IMG_ATTR_CHROMATICITIES;
+    fprintf(f, "%s=", chroma ? "PRIMARIES" : a->name);
+    if (a->kind == IMG_ATTR_FLOATS || chroma) {
+        for (int i = 0; i < (chroma ? 8 : a->n); i++) fprintf(f, "%s%.9g", i ? " " : "", (double)a->f[i]);
     } else {
         for (int i = 0; i < n; i++) fprintf(f, "%s%.9g", i ? " " : "", a->v[i]);
     }

@@ -1,7 +1,7 @@
 /*
  * image_jpeg.c - JPEG in, grey or colour, 8 bit, through libjpeg.  Rows stream; a progressive file
- * keeps its coefficients inside the library.  The EXIF orientation is not applied: pixels are where
- * the camera stored them.
+ * keeps its coefficients inside the library.  Orientation comes from the first EXIF block, and whether the
+ * picture calls itself a panorama from its XMP (GPano).
  */
 #include <setjmp.h>
 #include <stdio.h>
@@ -61,6 +61,18 @@ static int jpeg_bad(const img_reader *r, errmsg *e)
     return img_bad(r, e, "broken or unknown JPEG file: %s", ((jpeg_state *)r->state)->words);
 }
 
+/* The blocks that are kept: EXIF's orientation counts where the first says one, XMP's projection anywhere. */
+static void jpeg_facts(img_reader *r, const struct jpeg_decompress_struct *jpeg)
+{
+    int exif = 0;
+    for (jpeg_saved_marker_ptr m = jpeg->marker_list; m; m = m->next) {
+        if (m->marker != JPEG_APP0 + 1) continue;
+        if (m->data_length > 6 && memcmp(m->data, "Exif\0", 6) == 0 && !exif++)
+            r->info.orientation = img_exif_orientation(m->data, m->data_length);
+        r->info.panorama |= img_xmp_panorama(m->data, m->data_length);
+    }
+}
+
 static int jpeg_open(img_reader *r, errmsg *e)
 {
     jpeg_state *s = r->state = calloc(1, sizeof *s);
@@ -77,7 +89,10 @@ static int jpeg_open(img_reader *r, errmsg *e)
     s->jpeg.progress = &s->progress;
     s->jpeg.mem->max_memory_to_use = memory_max;
     jpeg_stdio_src(&s->jpeg, r->f);
+    jpeg_save_markers(&s->jpeg, JPEG_APP0 + 1, 0xffff);
     jpeg_read_header(&s->jpeg, TRUE);
+    jpeg_facts(r, &s->jpeg);
+    if (s->jpeg.saw_JFIF_marker) img_density(r, s->jpeg.X_density, s->jpeg.Y_density);
     int grey = s->jpeg.jpeg_color_space == JCS_GRAYSCALE;
     if (!grey && s->jpeg.jpeg_color_space != JCS_YCbCr && s->jpeg.jpeg_color_space != JCS_RGB)
         return img_bad(r, e, "expected a grey or RGB JPEG, found %d colour components of another kind",
@@ -112,4 +127,4 @@ static int jpeg_row(img_reader *r, float *row, errmsg *e)
     return 0;
 }
 
-const img_codec img_codec_jpeg = {"jpeg", jpeg_sniff, jpeg_open, jpeg_row, jpeg_close};
+const img_codec img_codec_jpeg = {"jpeg", jpeg_sniff, jpeg_open, jpeg_row, jpeg_close, NULL};

@@ -9,6 +9,8 @@
 
 #include "image_internal.h"
 
+enum { FACTS_MAX = 1 << 20 }; /* bytes of an EXIF or XMP block that is looked at */
+
 typedef struct png_state {
     png_structp png;
     png_infop info;
@@ -43,6 +45,28 @@ static int png_bad(const img_reader *r, errmsg *e)
     return img_bad(r, e, "broken PNG file: %s", ((png_state *)r->state)->words);
 }
 
+/* eXIf may stand before or after the pixels: walk the chunks.  Broken ones are libpng's to complain of. */
+static void png_facts(img_reader *r)
+{
+    unsigned char head[8];
+    int64_t at = 8, back = ftello(r->f);
+    while (at + 12 <= r->bytes && fseeko(r->f, at, SEEK_SET) == 0 && fread(head, 1, 8, r->f) == 8) {
+        int64_t size = png_get_uint_32(head);
+        int exif = memcmp(head + 4, "eXIf", 4) == 0, text = memcmp(head + 4, "iTXt", 4) == 0;
+        if ((exif || text) && size <= FACTS_MAX && at + 12 + size <= r->bytes) {
+            unsigned char *block = malloc((size_t)size + 1);
+            if (block && fread(block, 1, (size_t)size, r->f) == (size_t)size) {
+                if (exif) r->info.orientation = img_exif_orientation(block, (size_t)size);
+                if (text) r->info.panorama |= img_xmp_panorama(block, (size_t)size);
+            }
+            free(block);
+        }
+        if (memcmp(head + 4, "IEND", 4) == 0) break;
+        at += 12 + size;
+    }
+    fseeko(r->f, back, SEEK_SET);
+}
+
 static int png_open(img_reader *r, errmsg *e)
 {
     png_state *s = r->state = calloc(1, sizeof *s);
@@ -51,6 +75,7 @@ static int png_open(img_reader *r, errmsg *e)
     if (s->png) s->info = png_create_info_struct(s->png);
     if (!s->info) return img_bad(r, e, "out of memory");
     if (setjmp(png_jmpbuf(s->png))) return png_bad(r, e);
+    png_facts(r);
     png_set_user_limits(s->png, IMG_MAX_SIDE, IMG_MAX_SIDE);
     png_init_io(s->png, r->f);
     png_read_info(s->png, s->info);
@@ -58,6 +83,10 @@ static int png_open(img_reader *r, errmsg *e)
                        e) < 0)
         return -1;
     png_set_expand(s->png);
+    png_uint_32 density[2] = {0, 0}; /* its ratio counts in either unit */
+    int unit = 0;
+    png_get_pHYs(s->png, s->info, &density[0], &density[1], &unit);
+    img_density(r, density[0], density[1]);
     s->interlaced = png_set_interlace_handling(s->png) > 1;
     png_read_update_info(s->png, s->info);
     s->bytes = png_get_bit_depth(s->png, s->info) == 16 ? 2 : 1;
@@ -109,7 +138,7 @@ static int png_row(img_reader *r, float *row, errmsg *e)
     return 0;
 }
 
-const img_codec img_codec_png = {"png", png_sniff, png_open, png_row, png_close};
+const img_codec img_codec_png = {"png", png_sniff, png_open, png_row, png_close, NULL};
 
 /* ---- writing ----------------------------------------------------------------------------------- */
 

@@ -148,4 +148,4 @@ static int pnm_row(img_reader *r, float *row, errmsg *e)
     return over ? img_bad(r, e, "row %d: expected values from 0 to %d, found a larger one", r->y, s->max) : 0;
 }
 
-const img_codec img_codec_pnm = {"pnm", pnm_sniff, pnm_open, pnm_row, pnm_close};
+const img_codec img_codec_pnm = {"pnm", pnm_sniff, pnm_open, pnm_row, pnm_close, NULL};

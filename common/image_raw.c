@@ -1,6 +1,12 @@
 /*
- * image_raw.c - camera raw through LibRaw: demosaiced, the camera's white balance, linear, sRGB
- * primaries, 16 bit, given as 0..1 where 1 is the sensor's white level.
+ * image_raw.c - camera raw through LibRaw: demosaiced, the picture's own white balance as shot, linear, sRGB
+ * primaries; 1 is where the first channel clips (its multiplier is 1).
+ *
+ * LibRaw gives balanced sensor values, not clipped (its `highlight` 1: the largest multiplier is 1, the
+ * sensor's white is 65535 times a channel's); the matrix is applied here, so that colours beyond sRGB's stay
+ * what they are (negative), and light that the sensor held is not cut at 1.  Where a channel is clipped
+ * nothing is known beyond it: no channel is more than 1 there, so that such pixels are white, as LibRaw makes
+ * them, and that is said.
  *
  * Whatever LibRaw would adapt to the picture's content (brightness, maximum, white balance from
  * the picture) is off, so that the pictures of an exposure series stay proportional to each other.
@@ -11,6 +17,7 @@
 #include <string.h>
 
 #include "image_internal.h"
+#include "remark.h"
 
 static const int64_t file_max = (int64_t)1 << 30;
 
@@ -18,6 +25,9 @@ typedef struct raw_state {
     libraw_data_t *raw;
     void *file;
     libraw_processed_image_t *image;
+    double scale[3], white[3]; /* 16 bit to balanced values; what the channel's clipped photosites come to */
+    double matrix[3][3];       /* balanced values to sRGB's primaries */
+    int64_t clipped;           /* pixels so far */
     int broken;
 } raw_state;
 
@@ -112,6 +122,14 @@ static double fact(float v)
     return isfinite(v) && v > 0 ? (double)v : 0;
 }
 
+/* LibRaw's turn (dcraw's bits 4 transpose, 2 bottom up, 1 right to left; or degrees) in EXIF's numbers. */
+static int orientation_of(int flip)
+{
+    static const int exif[8] = {1, 2, 4, 3, 5, 8, 6, 7};
+    int degrees = (flip + 3600) % 360;
+    return degrees == 270 ? 8 : degrees == 180 ? 3 : degrees == 90 ? 6 : exif[flip & 7];
+}
+
 static int raw_open(img_reader *r, errmsg *e)
 {
     raw_state *s = r->state = calloc(1, sizeof *s);
@@ -130,13 +148,20 @@ static int raw_open(img_reader *r, errmsg *e)
     libraw_output_params_t *p = &s->raw->params;
     p->use_camera_wb = 1;
     p->use_auto_wb = 0;
-    p->output_color = 1; /* sRGB primaries */
+    p->output_color = 0; /* balanced sensor values */
     p->gamm[0] = p->gamm[1] = 1;
     p->output_bps = 16;
     p->no_auto_bright = 1;
     p->adjust_maximum_thr = 0;
-    p->highlight = 0; /* clip at white: a clipped pixel stays recognisable */
+    p->highlight = 1; /* don't clip */
     int rc = libraw_open_buffer(s->raw, s->file, size);
+    const libraw_colordata_t *c =
+        &s->raw->color; /* of linear DNGs black is taken off white, but not off the values: undone */
+    if (s->raw->idata.dng_version && c->black && c->dng_levels.dng_whitelevel[0] == c->maximum + c->black)
+        p->user_sat = (int)c->maximum; /* black is off this one */
+    r->info.orientation = orientation_of(s->raw->sizes.flip);
+    p->user_flip = r->opts.keep_orientation ? 0 : -1; /* the library turns what it holds anyway */
+    r->turned = 1;
     if (rc == LIBRAW_SUCCESS) rc = libraw_adjust_sizes_info_only(s->raw);
     if (rc != LIBRAW_SUCCESS) return raw_bad(r, e, rc);
     r->info.exposure_s = fact(s->raw->other.shutter);
@@ -155,6 +180,31 @@ static void raw_close(img_reader *r)
     free(s);
 }
 
+/* After dcraw_process() pre_mul holds the multipliers that were used, the largest 1. */
+static int colours(img_reader *r, raw_state *s, errmsg *e)
+{
+    const libraw_colordata_t *c = &s->raw->color;
+    double least = 1;
+    int has_matrix = s->image->colors == 3 && !s->raw->rawdata.ioparams.raw_color;
+    for (int i = 0; i < 3 && s->image->colors == 3; i++) least = fmin(least, (double)c->pre_mul[i]);
+    if (!(least > 1e-5)) return img_bad(r, e, "expected white balance multipliers above 0, found %g", least);
+    for (int i = 0; i < 3; i++) {
+        double sum = 0;
+        s->scale[i] = 1 / (65535 * least);
+        s->white[i] = s->image->colors == 3 ? (double)c->pre_mul[i] / least : 1;
+        for (int k = 0; k < 3; k++) sum += (double)c->rgb_cam[i][k];
+        has_matrix &= isfinite(sum) && fabs(sum - 1) < 0.01;
+        for (int k = 0; k < 3; k++) s->matrix[i][k] = (double)c->rgb_cam[i][k] / sum;
+    }
+    for (int i = 0; i < 9 && !has_matrix; i++) s->matrix[i / 3][i % 3] = i % 4 == 0;
+    if (s->image->colors == 3)
+        remark(r->path, "camera raw developed by itself: %s%s",
+               c->cam_mul[0] > 0 && c->cam_mul[2] > 0 ? "white balance as this picture was shot"
+                                                      : "daylight's white balance, as none is stated",
+               has_matrix ? "" : ", colours as the camera's, as its matrix is unknown");
+    return 0;
+}
+
 /* LibRaw changes sizes between the steps: adjust_sizes_info_only() is undone by opening again. */
 static int develop(img_reader *r, raw_state *s, errmsg *e)
 {
@@ -169,21 +219,35 @@ static int develop(img_reader *r, raw_state *s, errmsg *e)
         s->image->height != r->info.height || (s->image->colors != 3 && s->image->colors != 1))
         return img_bad(r, e, "expected a raw picture of %dx%d pixels, found %dx%d with %d channels",
                        r->info.width, r->info.height, s->image->width, s->image->height, s->image->colors);
-    return 0;
+    return colours(r, s, e);
 }
 
 static int raw_row(img_reader *r, float *row, errmsg *e)
 {
+    static const double at_white = 0.999; /* what interpolation leaves of it */
     raw_state *s = r->state;
     if (!s->image && develop(r, s, e) < 0) return -1;
-    size_t w = (size_t)r->info.width, colours = s->image->colors;
-    const unsigned char *p = s->image->data + (size_t)r->y * w * colours * 2;
-    for (size_t i = 0; i < 3 * w; i++) {
-        uint16_t v;
-        memcpy(&v, p + 2 * (colours == 3 ? i : i / 3), sizeof v);
-        row[i] = (float)(v / 65535.0);
+    size_t w = (size_t)r->info.width, nc = s->image->colors;
+    const unsigned char *p = s->image->data + (size_t)r->y * w * nc * 2;
+    for (size_t x = 0; x < w; x++) {
+        double v[3];
+        int clipped = 0;
+        for (size_t c = 0; c < 3; c++) {
+            uint16_t code;
+            memcpy(&code, p + 2 * (nc == 3 ? 3 * x + c : x), sizeof code);
+            v[c] = code * s->scale[c];
+            clipped |= v[c] >= at_white * s->white[c];
+        }
+        for (int c = 0; c < 3 && clipped; c++) v[c] = fmin(v[c], 1);
+        s->clipped += clipped;
+        for (size_t c = 0; c < 3; c++)
+            row[3 * x + c] =
+                (float)(s->matrix[c][0] * v[0] + s->matrix[c][1] * v[1] + s->matrix[c][2] * v[2]);
     }
+    if (r->y + 1 == r->info.height && s->clipped)
+        remark(r->path, "%lld pixels (%.3g %%) clipped in the sensor: they are at least as bright as given",
+               (long long)s->clipped, 100.0 * (double)s->clipped / ((double)r->info.width * r->info.height));
     return 0;
 }
 
-const img_codec img_codec_raw = {"raw", raw_sniff, raw_open, raw_row, raw_close};
+const img_codec img_codec_raw = {"raw", raw_sniff, raw_open, raw_row, raw_close, NULL};

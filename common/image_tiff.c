@@ -4,7 +4,7 @@
  * picture of the file.
  *
  * Strips of one plane stream line by line; separate planes keep a strip of each, tiles a row of
- * tiles.  The orientation tag is applied (such pictures are held whole).
+ * tiles.  Associated alpha (colours multiplied by it) is divided out.
  */
 #include <math.h>
 #include <pthread.h>
@@ -22,15 +22,13 @@ typedef struct tiff_state {
     uint32_t width, height, rows; /* rows of a strip or tile */
     uint16_t bits, samples, photometric;
     int is_float, separate, tiled, palette;
+    int multiplied; /* colours are multiplied by alpha (associated) */
     uint32_t tile_w;
     uint16_t *map[3];      /* palette, libtiff's */
     size_t unit, unit_row; /* bytes of a strip or tile, and of its line */
     size_t units;          /* buffers held: planes, times tiles of a row */
     unsigned char *buf;
     uint32_t band; /* which row of strips or tiles is in buf; UINT32_MAX: none */
-    img_order order;
-    uint32_t y; /* next stored line */
-    float *held;
 } tiff_state;
 
 /* libtiff reports through global handlers; what it said is kept per thread. */
@@ -98,6 +96,7 @@ static int read_layout(img_reader *r, tiff_state *s, errmsg *e)
     s->separate = config == PLANARCONFIG_SEPARATE && s->samples > 1;
     int alpha = s->samples > colours && extra > 0 && kinds &&
                 (kinds[0] == EXTRASAMPLE_ASSOCALPHA || kinds[0] == EXTRASAMPLE_UNASSALPHA);
+    s->multiplied = r->fractions = alpha && kinds[0] == EXTRASAMPLE_ASSOCALPHA;
     return s->palette ? 3 : colours + alpha;
 }
 
@@ -156,13 +155,12 @@ static int tiff_open(img_reader *r, errmsg *e)
     double max = s->is_float ? 0 : s->bits == 16 || s->palette ? 65535 : 255;
     uint16_t orientation = ORIENTATION_TOPLEFT;
     TIFFGetFieldDefaulted(s->tif, TIFFTAG_ORIENTATION, &orientation);
-    if (orientation < 1 || orientation > 8) orientation = ORIENTATION_TOPLEFT;
-    s->order.columns = orientation >= ORIENTATION_LEFTTOP;
-    s->order.flip_x = orientation == 2 || orientation == 3 || orientation == 6 || orientation == 7;
-    s->order.flip_y = orientation == 3 || orientation == 4 || orientation == 7 || orientation == 8;
-    if (img_set_info(r, s->order.columns ? s->height : s->width, s->order.columns ? s->width : s->height,
-                     channels, max, e) < 0)
-        return -1;
+    float res[2] = {0, 0};
+    if (TIFFGetField(s->tif, TIFFTAG_XRESOLUTION, &res[0]) &&
+        TIFFGetField(s->tif, TIFFTAG_YRESOLUTION, &res[1]))
+        img_density(r, (double)res[0], (double)res[1]);
+    r->info.orientation = orientation >= 1 && orientation <= 8 ? orientation : ORIENTATION_TOPLEFT;
+    if (img_set_info(r, s->width, s->height, channels, max, e) < 0) return -1;
     return read_units(r, s, e);
 }
 
@@ -172,7 +170,6 @@ static void tiff_close(img_reader *r)
     if (!s) return;
     if (s->tif) TIFFClose(s->tif);
     free(s->buf);
-    free(s->held);
     free(s);
 }
 
@@ -219,10 +216,20 @@ static double sample_at(const tiff_state *s, const unsigned char *p)
     return (double)v;
 }
 
-/* The next stored line. */
-static int tiff_line(img_reader *r, float *line, errmsg *e)
+/* Colours as they were before they were multiplied by alpha, as codes no more than the largest. */
+static void divide_alpha(float *p, size_t nc, double max)
+{
+    double alpha = (double)p[nc - 1] / (max > 0 ? max : 1);
+    for (size_t c = 0; c + 1 < nc && alpha > 0 && alpha < 1; c++) {
+        double v = (double)p[c] / alpha;
+        p[c] = (float)(max > 0 && v > max ? max : v);
+    }
+}
+
+static int tiff_row(img_reader *r, float *line, errmsg *e)
 {
     tiff_state *s = r->state;
+    uint32_t y = (uint32_t)r->y;
     size_t nc = (size_t)r->info.channels, bytes = s->bits / 8u,
            across = s->units / (s->separate ? s->samples : 1u);
     last_words[0] = 0;
@@ -230,8 +237,8 @@ static int tiff_line(img_reader *r, float *line, errmsg *e)
         s->buf = calloc(s->units, s->unit);
         if (!s->buf) return img_bad(r, e, "out of memory");
     }
-    if (read_band(r, s, s->y, e) < 0) return -1;
-    size_t in_unit = s->tiled || s->separate ? s->y % s->rows : 0;
+    if (read_band(r, s, y, e) < 0) return -1;
+    size_t in_unit = s->tiled || s->separate ? y % s->rows : 0;
     size_t file_channels = s->palette ? 1 : nc;
     for (size_t x = 0; x < s->width; x++) {
         size_t tile = s->tiled ? x / s->tile_w : 0, col = s->tiled ? x % s->tile_w : x;
@@ -249,16 +256,9 @@ static int tiff_line(img_reader *r, float *line, errmsg *e)
                 line[nc * x + c] = (float)(inverted ? r->info.max_code - v : v);
             }
         }
+        if (s->multiplied) divide_alpha(line + nc * x, nc, r->info.max_code);
     }
-    s->y++;
     return 0;
 }
 
-static int tiff_row(img_reader *r, float *row, errmsg *e)
-{
-    tiff_state *s = r->state;
-    if (!s->order.columns && !s->order.flip_x && !s->order.flip_y) return tiff_line(r, row, e);
-    return img_held_row(r, &s->held, s->order, tiff_line, row, e);
-}
-
-const img_codec img_codec_tiff = {"tiff", tiff_sniff, tiff_open, tiff_row, tiff_close};
+const img_codec img_codec_tiff = {"tiff", tiff_sniff, tiff_open, tiff_row, tiff_close, NULL};

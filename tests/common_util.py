@@ -36,7 +36,7 @@ def refused(p, code=1):
 def load(path, tmp_path, how="dump", **kw):
     """(height, width, channels) float32 as our reader gives it."""
     out = tmp_path / "pixels.f32"
-    p = run(IMGTOOL, how, path, out, **kw)
+    p = run(IMGTOOL, "--quiet", how, path, out, **kw)
     assert p.returncode == 0, p.stderr.decode()
     assert p.stderr == b""
     w, h, c = np.fromfile(out, np.int32, 3)
@@ -245,7 +245,7 @@ def _tiff_file(order, tags, data):
         + struct.pack(order + "I", 0) + tail
 
 
-def write_dng(path, cfa, white=4095, seconds=(1, 8), f_number=(28, 10), iso=200):
+def write_dng(path, cfa, white=4095, seconds=(1, 8), f_number=(28, 10), iso=200, orientation=None):
     """A minimal raw file: 16 bit Bayer RGGB, camera primaries = sRGB's, neutral white balance."""
     h, w = cfa.shape
     xyz_to_srgb = [32405, -15371, -4985, -9693, 18760, 416, 556, -2040, 10572]
@@ -257,7 +257,7 @@ def write_dng(path, cfa, white=4095, seconds=(1, 8), f_number=(28, 10), iso=200)
             50728: (5, [1, 1, 1, 1, 1, 1]), 50778: (3, [21])}
     exif = {33434: (5, list(seconds)), 33437: (5, list(f_number)), 34855: (3, [iso])}
     for _ in range(2):  # the second time with the place of the EXIF directory
-        write_tiff(path, cfa[:, :, None].astype(np.uint16), photometric=32803, rows=h, more=more)
+        write_tiff(path, cfa[:, :, None].astype(np.uint16), photometric=32803, rows=h, more=more, orientation=orientation)
         end = path.stat().st_size
         more[34665] = (4, [end])
     entries = b"".join(struct.pack("<HHII", t, k, 1, v[0]) if k == 3 else struct.pack("<HHII", t, k, 1, end + 42 + 8 * i)

@@ -94,6 +94,12 @@ def test_tiff(tmp_path, kind, samples, layout, separate):
     write_tiff(tmp_path / "a.tif", a, order, separate=separate, tile=(16, 16) if layout == "tiles" else None,
                rows=H if layout == "one strip" else 3, deflate=samples % 2 == 1, extra=extra)
     want = a[:, :, :3] if samples == 5 else a  # what isn't alpha is left out
+    if samples == 4:  # associated: colours were multiplied by alpha
+        top = 1 if kind == np.float32 else float(np.iinfo(kind).max)
+        share = a[:, :, 3:].astype(float) / top
+        inside = (share > 0) & (share < 1)
+        rgb = np.where(inside, a[:, :, :3] / np.where(inside, share, 1), a[:, :, :3])
+        want = np.concatenate([rgb if kind == np.float32 else np.minimum(rgb, top), a[:, :, 3:]], 2).astype(np.float32)
     assert np.array_equal(both(tmp_path / "a.tif", tmp_path), want)
     got = probe(tmp_path / "a.tif")
     assert got["max"] == {np.uint8: 255, np.uint16: 65535, np.float32: 0}[kind] and got["coded"] == (kind != np.float32)

@@ -82,7 +82,7 @@ def read(path, how="dump"):
     """Exit 0 and an output, or one line, exit 1 and none."""
     out = path.parent / "out.f32"
     out.unlink(missing_ok=True)
-    p = run(IMGTOOL, how, path, out, preexec_fn=limits)
+    p = run(IMGTOOL, "--quiet", how, path, out, preexec_fn=limits)
     if p.returncode == 0:
         assert p.stderr == b"" and out.stat().st_size >= 16
     else:

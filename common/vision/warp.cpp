@@ -123,7 +123,9 @@ void warp_mosaic(uint16_t *out, uint8_t *seen, const uint16_t *in, const motion 
             for (int i = 0; i < h; i++)
                 for (int k = 0; k < w; k++)
                     from.at<uint16_t>(i, k) = in[(size_t)(2 * i + oy) * (size_t)o.width + (size_t)(2 * k + ox)];
-            warp_plane(to, there, from, half, o);
+            warp_opts plane = o;
+            plane.clip[0] = o.clip[2 * oy + ox];
+            warp_plane(to, there, from, half, plane);
             for (int i = 0; i < h; i++)
                 for (int k = 0; k < w; k++) {
                     size_t at = (size_t)(2 * i + oy) * (size_t)o.width + (size_t)(2 * k + ox);

@@ -11,9 +11,9 @@
 
 typedef struct warp_opts {
     int width, height, channels; /* channels interleaved */
-    int mosaic;                  /* 1: one channel, each 2x2 position a colour of its own, never mixed */
+    int mosaic;                  /* 1: one channel, each place of a 2x2 cell a colour of its own, never mixed */
     int linear;                  /* codes are proportional to light; else to about its square root */
-    int clip[3];                 /* codes from here on are clipped, per channel (a mosaic: [0] for all) */
+    int clip[4];                 /* codes from here on are clipped: per channel, or per place of the cell, row by row */
 } warp_opts;
 
 /* out[y][x] = in at motion_apply(m, x, y), interpolated in light, so that a lamp keeps its energy; width*height*channels

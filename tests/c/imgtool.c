@@ -18,6 +18,7 @@
 static const char *type, *compression, *comment;
 static int extra;
 static double scale = 1;
+static img_open_opts how;
 
 static const cli_opt opts[] = {
     {"type", 0, CLI_STRING, &type, NULL, "T", "half or float (default: no options at all)"},
@@ -26,6 +27,9 @@ static const cli_opt opts[] = {
     {"extra", 0, CLI_FLAG, &extra, NULL, NULL,
      "write planes sigma.R (half) and count (float) and attributes of every kind"},
     {"scale", 0, CLI_DOUBLE, &scale, NULL, "X", "multiply the values before writing"},
+    {"keep-orientation", 0, CLI_FLAG, &how.keep_orientation, NULL, NULL, "pixels as they lie in the file"},
+    {"keep-aspect", 0, CLI_FLAG, &how.keep_aspect, NULL, NULL, "oblong pixels as they are"},
+    {"layer", 0, CLI_STRING, &how.layer, NULL, "NAME", "of an EXR"},
     {0},
 };
 static const cli_prog prog = {"imgtool", "probe|dump|rows|stream|linear|convert FILE [OUT]",
@@ -33,8 +37,9 @@ static const cli_prog prog = {"imgtool", "probe|dump|rows|stream|linear|convert 
 
 static void print_info(const img_info *i)
 {
-    printf("%s %dx%d channels=%d coded=%d max=%g exposure=%.9g f=%.9g iso=%.9g\n", i->format, i->width,
-           i->height, i->channels, i->coded, i->max_code, i->exposure_s, i->f_number, i->iso);
+    printf("%s %dx%d channels=%d coded=%d max=%g exposure=%.9g f=%.9g iso=%.9g orientation=%d aspect=%.9g panorama=%d\n", i->format, i->width,
+           i->height, i->channels, i->coded, i->max_code, i->exposure_s, i->f_number, i->iso,
+           i->orientation, i->pixel_aspect, i->panorama);
 }
 
 static void save(const img *im, const char *path)
@@ -52,7 +57,7 @@ static void load_rows(img *im, const char *path)
 {
     errmsg e;
     img_reader *r;
-    if (img_reader_open(&r, path, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
+    if (img_reader_open_as(&r, path, &how, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
     const img_info *i = img_reader_info(r);
     im->info = *i;
     size_t stride = (size_t)i->width * (size_t)i->channels;
@@ -75,7 +80,7 @@ static void stream(const char *path)
 {
     errmsg e;
     img_reader *r;
-    if (img_reader_open(&r, path, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
+    if (img_reader_open_as(&r, path, &how, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
     const img_info *i = img_reader_info(r);
     float *row = malloc((size_t)i->width * (size_t)i->channels * sizeof *row);
     if (!row) cli_fail(CLI_FAILED, "out of memory");
@@ -124,7 +129,7 @@ int main(int argc, char **argv)
     const char *what = argv[1], *file = argv[2], *out = n > 2 ? argv[3] : NULL;
     if (strcmp(what, "probe") == 0) {
         img_info info;
-        if (img_probe(&info, file, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
+        if (img_probe_as(&info, file, &how, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
         print_info(&info);
         return cli_end(CLI_OK);
     }
@@ -135,7 +140,7 @@ int main(int argc, char **argv)
     img im = {0};
     if (strcmp(what, "rows") == 0)
         load_rows(&im, file);
-    else if (img_load(&im, file, &e) < 0)
+    else if (img_load_as(&im, file, &how, &e) < 0)
         cli_fail(CLI_FAILED, "%s", e.text);
     if (strcmp(what, "linear") == 0) img_linearise_srgb(&im);
     if (!out) cli_fail(CLI_USAGE, "expected an output file");

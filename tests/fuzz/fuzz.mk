@@ -32,6 +32,7 @@ test: $(REPLAYS)
 # ---- libFuzzer --------------------------------------------------------------------------------------------
 FUZZ_FLAGS  := -fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer
 FUZZ_CFLAGS := -std=c11 -O1 -g $(WARN) -Wno-unknown-pragmas -MMD -MP
+FUZZ_CXXFLAGS := -std=c++17 -O1 -g -Wall -Wextra -Wshadow -MMD -MP
 FUZZ_ARCHIVE = $(patsubst %.c,$(FUZZ_DIR)/obj/%.o,$(1))
 FUZZ_OWN_ilf := $(filter-out $(PROGRAMS_ilfmat:%=ilfmat/%.c),$(wildcard ilfmat/*.c)) $(wildcard common/*.c)
 fuzz_sources  = $(filter-out $(PROGRAMS_$(1):%=tools/$(1)/%.c),$(wildcard tools/$(1)/*.c))
@@ -42,7 +43,10 @@ clang-there:
 $(FUZZ_DIR)/obj/%.o: %.c | $(B0)/.debs-tools clang-there
 	@mkdir -p $(@D)
 	$(Q)$(CLANG) $(FUZZ_CPP) $(FUZZ_CFLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer-no-link -c -o $@ $<
-$(FUZZ_DIR)/libown.a: $(patsubst %.c,$(FUZZ_DIR)/obj/%.o,$(FUZZ_OWN_ilf))
+$(FUZZ_DIR)/obj/%.o: %.cpp | $(B0)/.debs-tools clang-there
+	@mkdir -p $(@D)
+	$(Q)$(CLANG) $(FUZZ_CPP) $(FUZZ_CXXFLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer-no-link -c -o $@ $<
+$(FUZZ_DIR)/libown.a: $(patsubst %.c,$(FUZZ_DIR)/obj/%.o,$(FUZZ_OWN_ilf)) $(patsubst %.cpp,$(FUZZ_DIR)/obj/%.o,$(wildcard common/*.cpp))
 	@rm -f $@; ar rcs $@ $^
 $(foreach t,$(TOOLS),$(eval $(FUZZ_DIR)/lib$(t).a: $(patsubst %.c,$(FUZZ_DIR)/obj/%.o,$(call fuzz_sources,$(t))) ; @rm -f $$@; ar rcs $$@ $$^))
 

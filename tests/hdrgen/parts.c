@@ -13,7 +13,7 @@
 #include <string.h>
 
 #include "../../tools/hdrgen/basis.h"
-#include "../../tools/hdrgen/finish.h"
+#include "../../tools/hdrgen/demosaic.h"
 #include "../../tools/hdrgen/noise.h"
 #include "../../tools/hdrgen/qrls.h"
 #include "../../tools/hdrgen/response.h"
@@ -104,17 +104,17 @@ static int noise_main(int n)
 
 static int mosaic_main(const char *order, int w, int h)
 {
-    int bayer[4];
+    cfa bayer = {.columns = 2, .rows = 2};
     errmsg e;
     size_t n = (size_t)w * (size_t)h;
     float *mosaic = calloc(n, sizeof *mosaic), *rgb = calloc(3 * n, sizeof *rgb);
     if (!mosaic || !rgb)
         return 1;
     for (int p = 0; p < 4; p++)
-        bayer[p] = order[p] == 'R' ? 0 : order[p] == 'G' ? 1 : 2;
+        bayer.colour[p] = (uint8_t)(order[p] == 'R' ? 0 : order[p] == 'G' ? 1 : 2);
     for (size_t i = 0; i < n; i++)
         mosaic[i] = (float)in[i];
-    if (bayer_to_rgb(rgb, NULL, mosaic, NULL, w, h, bayer, &e))
+    if (demosaic(rgb, NULL, mosaic, NULL, w, h, &bayer, &e))
         return 1;
     for (size_t i = 0; i < 3 * n; i++)
         printf("%.9g\n", (double)rgb[i]);

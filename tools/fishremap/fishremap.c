@@ -177,6 +177,7 @@ static const cli_opt options[] = {
     {"hide-camera", 0, CLI_DOUBLE, &cfg.hide_camera_deg, NULL, "DEG", "leave out what a sphere reflects within DEG of the camera's direction"},
     {"second", 0, CLI_STRING, &cfg.second, NULL, "FILE", "another picture of the same ball, from elsewhere, to combine with IN"},
     {"second-view", 0, CLI_CALL, &cfg, opt_second, "X,Y,R,TILT,TO", "its ball, pixels, and its camera's --tilt and --tilt-to, degrees"},
+    {"layer", 0, CLI_STRING, &cfg.layer, NULL, "NAME", "which layer, part or view of an OpenEXR picture that has several"},
     {"type", 't', CLI_CALL, &cfg, opt_type, "TYPE", "EXR pixels: float (default) or half"},
     {"compression", 0, CLI_STRING, &cfg.compression, NULL, "NAME", "EXR compression (default zip)"},
     {"output", 'o', CLI_STRING, &cfg.out, NULL, "OUT", "picture (.exr or .hdr), or .ilf.exr for an array; for several IN a name\nwith a % for theirs"},

@@ -47,7 +47,8 @@ static int fold_mask(img *im, const char *path, errmsg *e)
 int input_load(img *im, int *all_good, const settings *s, errmsg *e)
 {
     img a, b;
-    if (img_load(&a, s->in, e)) return -1;
+    const img_open_opts how = {.layer = s->layer};
+    if (img_load_as(&a, s->in, &how, e)) return -1;
     img_linearise_srgb(&a);
     if (img_alloc(&b, a.info.width, a.info.height, 4, e)) {
         img_free(&a);
@@ -160,7 +161,12 @@ int result_write(const settings *s, const float *rgb, const float *alpha, int pa
         memcpy(im.pix + i * (size_t)ch, rgb + 3 * i, 3 * sizeof(float));
         if (ch == 4) im.pix[4 * i + 3] = alpha[i];
     }
+    static const char *const names[] = {[VIEW_FISHEYE] = "fisheye", [VIEW_BALL] = "ball", [VIEW_PROBE] = "probe",
+                                        [VIEW_LATLONG] = "latlong", [VIEW_ANGULAR] = "angular"};
+    const img_attr attrs[2] = {{.name = "ilf:chart", .kind = IMG_ATTR_STRING, .s = names[s->to]},
+                               {.name = "ilf:polarMax", .kind = IMG_ATTR_FLOAT, .v = {(s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG}}};
     img_write_opts opts = {.type = IMG_FLOAT, .compression = s->compression, .comment = s->command};
+    opts.attrs = attrs, opts.nattrs = s->to == VIEW_PROBE ? 2 : 1;
     if (s->half_float == 1) opts.type = IMG_HALF;
     if (s->half_float < 0) {
         opts.type = IMG_HALF;

@@ -14,6 +14,7 @@ typedef enum view_kind { VIEW_FISHEYE, VIEW_BALL, VIEW_PROBE, VIEW_LATLONG, VIEW
 
 typedef struct settings {
     const char *in, *out, *overlay, *report, *mask;
+    const char *layer;   /* of an OpenEXR input, or NULL */
     const char *command; /* for the output's header */
     view_kind from, to;
     const char *lens;

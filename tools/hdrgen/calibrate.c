@@ -27,11 +27,28 @@ static const double misfit_steps = 1;
 static const double least_lambda = 0.01; /* Gauss-Newton needs some hold where data are few */
 static const double longest_step = 0.5;  /* of any spline coefficient in one round */
 
+/* What no curve explains is not independent from bin to bin: it is smooth, and where exposures are P stops apart, an error
+ * of the curve with that period is all but invisible to the data.  The means' own scatter therefore counts this many times,
+ * more where P is large (tried on series of one stop against every second and third of their own exposures). */
+static double sharing(const double *lnt, int kk)
+{
+    double step = 0;
+    int steps = 0;
+    for (int k = 1; k < kk; k++)
+        if (lnt[k] > lnt[k - 1] + 0.1) {
+            step += lnt[k] - lnt[k - 1];
+            steps++;
+        }
+    step = steps ? fmax(step / steps / M_LN2, 1) : 1;
+    return fmin(3 * pow(step, 8), 3000);
+}
+
 /* Rows of one channel; columns: spline changes (if fitted), then time changes (if fitted). */
 static int add_rows(qrls *q, const channel *h, const response *r, const double *lnt,
                     const basis *b, int curve_cols, int time_cols, double *rows, double *u)
 {
     int m = qrls_columns(q) + 1;
+    double shared = sharing(lnt, h->kk);
     for (int i = 0; i < BINS; i++) {
         int used = 0;
         for (int k = 0; k < h->kk; k++) {
@@ -39,7 +56,7 @@ static int add_rows(qrls *q, const channel *h, const response *r, const double *
             double w = h->w[i * h->kk + k];
             if (c->n < 1 || !(w > 0))
                 continue;
-            w = 1 / sqrt(1 / (w * c->n) + h->model_error);
+            w = 1 / sqrt(1 / (w * c->n) + shared * h->model_error);
             double *row = rows + (size_t)used * (size_t)m, f[4];
             memset(row, 0, sizeof *row * (size_t)m);
             if (curve_cols) {

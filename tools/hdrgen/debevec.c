@@ -12,6 +12,8 @@
 #include <string.h>
 
 #include "curve.h"
+#include "noise.h"
+#include "qrls.h"
 
 enum { STRATA = 64, PER_STRATUM = 48, MIN_PIXELS = 8 };
 static const double least_correlation = 0.5;
@@ -50,7 +52,7 @@ static int overlapping(const samples *s, int c, const double *lnt)
         double n = 0, sa = 0, sb = 0, aa = 0, bb = 0, ab = 0;
         for (int i = 0; i < s->n[c]; i++) {
             const uint16_t *z = s->z[c] + (size_t)i * (size_t)s->exposures;
-            if (!usable(z[k], s->max_code) || !usable(z[next], s->max_code))
+            if (s->out[c][i] || !usable(z[k], s->max_code) || !usable(z[next], s->max_code))
                 continue;
             double a = z[k], b = z[next];
             n++;
@@ -86,7 +88,7 @@ static int stratify(int **chosen, const samples *s, int c, const double *lnt)
         double sum = 0;
         for (int k = 0; k < s->exposures; k++)
             sum += z[k];
-        stratum[i] = informative(z, s, lnt) ? (unsigned char)(sum / range * STRATA) : STRATA;
+        stratum[i] = !s->out[c][i] && informative(z, s, lnt) ? (unsigned char)(sum / range * STRATA) : STRATA;
         if (stratum[i] < STRATA)
             count[stratum[i]]++;
     }
@@ -103,17 +105,133 @@ static int stratify(int **chosen, const samples *s, int c, const double *lnt)
     return kept;
 }
 
-static int one_channel(response *r, int c, solve_facts *facts, const samples *s,
-                       const double *lnt, double lambda, const basis *b, errmsg *e)
+typedef struct fit {
+    const samples *s;
+    int c;
+    const double *lnt;
+    double lambda;
+    const basis *b;
+    const int *chosen; /* [n] pixels */
+    int n;
+    double *say;       /* [n] weight of each pixel */
+    double coef[BASIS_N], weight;
+    qrls_facts facts;
+} fit;
+
+static double hat(const fit *f, int z)
 {
-    int *chosen = NULL, k, code = -1, m = BASIS_N + 1;
-    int n = stratify(&chosen, s, c, lnt);
+    return 2 * fmin(z, f->s->clip[f->c] - z) / f->s->clip[f->c];
+}
+
+static int least_squares(fit *f, errmsg *e)
+{
+    const samples *s = f->s;
+    int code = -1, m = BASIS_N + 1;
     qrls *q = qrls_new(BASIS_N);
     double *rows = malloc(sizeof *rows * (size_t)s->exposures * (size_t)m);
     double *u = malloc(sizeof *u * (size_t)s->exposures);
-    double coef[BASIS_N], weight = 0;
-    qrls_facts qf;
-    if (n < 0 || !q || !rows || !u) {
+    f->weight = 0;
+    if (!q || !rows || !u) {
+        err_set(e, "out of memory");
+        goto done;
+    }
+    for (int i = 0; i < f->n; i++) {
+        const uint16_t *z = s->z[f->c] + (size_t)f->chosen[i] * (size_t)s->exposures;
+        int used = 0;
+        for (int k = 0; k < s->exposures; k++) {
+            if (!usable(z[k], s->max_code))
+                continue;
+            double w = f->say[i] * hat(f, z[k]), g[4];
+            double *row = rows + (size_t)used * (size_t)m;
+            int first = basis_eval(f->b, log(z[k]), 0, g);
+            memset(row, 0, sizeof *row * (size_t)m);
+            for (int j = 0; j < 4; j++)
+                row[first + j] = w * g[j];
+            row[BASIS_N] = w * f->lnt[k];
+            u[used++] = w;
+            f->weight += w * w;
+        }
+        if (f->say[i] > 0 && qrls_add_eliminating(q, rows, u, used)) {
+            err_set(e, "least squares: LAPACK's QR factorisation failed");
+            goto done;
+        }
+    }
+    code = curve_penalty(q, f->b, f->lambda, NULL) || curve_gauge(q, f->b, sqrt(f->weight)) ||
+                   qrls_solve(q, f->coef, 1e-13, &f->facts, e)
+               ? -1 : 0;
+done:
+    free(rows);
+    free(u);
+    qrls_free(q);
+    return code;
+}
+
+/* ln exposure of each code, and its variance there by the noise model. */
+static void tabulate(const fit *f, double *g, double *var)
+{
+    noise_model noise = noise_default();
+    int top = f->s->clip[f->c];
+    for (int z = 1; z <= top; z++)
+        g[z] = basis_curve(f->b, f->coef, log(z));
+    for (int z = 1; z < top; z++) {
+        double ex = exp(g[z] - g[top]), slope = ex * (z > 1 ? 0.5 * (g[z + 1] - g[z - 1]) : g[2] - g[1]);
+        var[z] = noise_variance(&noise, ex, slope) / (ex * ex);
+    }
+}
+
+/* RMS over a pixel's samples of ln exposure about their weighted mean, over what noise makes of it. */
+static double misfit(const fit *f, const double *g, const double *var, int i)
+{
+    const uint16_t *z = f->s->z[f->c] + (size_t)f->chosen[i] * (size_t)f->s->exposures;
+    double sum = 0, mean = 0, square = 0, noise = 1e-12;
+    for (int k = 0; k < f->s->exposures; k++)
+        if (usable(z[k], f->s->max_code)) {
+            double w = hat(f, z[k]), d = g[z[k]] - f->lnt[k];
+            sum += w * w;
+            mean += w * w * d;
+            square += w * w * d * d;
+            noise += w * w * var[z[k]];
+        }
+    return sum > 0 ? sqrt(fmax(square - mean * mean / sum, 0) / noise) : 0;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Pixels that contradict themselves lose their say, by iterated reweighting with a redescending weight (Geman and
+ * McClure's) about what is usual.  Returns the largest change of a weight; 0: too few stand out to matter. */
+static double reweigh(fit *f, double *room)
+{
+    static const double wide = 3, stands_out = 6, few = 0.003;
+    double change = 0, out = 0, *r = room, *sorted = r + f->n, *g = sorted + f->n, *var = g + f->s->max_code + 1;
+    tabulate(f, g, var);
+    for (int i = 0; i < f->n; i++)
+        sorted[i] = r[i] = misfit(f, g, var, i);
+    qsort(sorted, (size_t)f->n, sizeof *sorted, by_value);
+    double usual = fmax(sorted[f->n / 2], 1e-6);
+    for (int i = 0; i < f->n; i++)
+        out += r[i] > stands_out * usual;
+    for (int i = 0; i < f->n && out > few * f->n; i++) {
+        double x = r[i] / (wide * usual), was = f->say[i];
+        f->say[i] = 1 / ((1 + x * x) * (1 + x * x));
+        change = fmax(change, fabs(f->say[i] - was));
+    }
+    return change;
+}
+
+static int one_channel(response *r, int c, solve_facts *facts, const samples *s,
+                       const double *lnt, double lambda, const basis *b, errmsg *e)
+{
+    enum { MOST_PASSES = 12 };
+    int *chosen = NULL, code = -1;
+    int n = stratify(&chosen, s, c, lnt);
+    fit f = {.s = s, .c = c, .lnt = lnt, .lambda = lambda, .b = b, .chosen = chosen, .n = n};
+    double *room = n >= 0 ? malloc(sizeof *room * (3 * (size_t)n + 2 * (size_t)s->max_code + 3)) : NULL;
+    f.say = room;
+    if (!room) {
         err_set(e, "out of memory");
         goto done;
     }
@@ -132,43 +250,24 @@ static int one_channel(response *r, int c, solve_facts *facts, const samples *s,
                 "none: give --response", c);
         goto done;
     }
-    for (int i = 0; i < n; i++) {
-        const uint16_t *z = s->z[c] + (size_t)chosen[i] * (size_t)s->exposures;
-        int used = 0;
-        for (k = 0; k < s->exposures; k++) {
-            if (!usable(z[k], s->max_code))
-                continue;
-            double w = 2 * fmin(z[k], s->clip[c] - z[k]) / s->clip[c], f[4];
-            double *row = rows + (size_t)used * (size_t)m;
-            int first = basis_eval(b, log(z[k]), 0, f);
-            memset(row, 0, sizeof *row * (size_t)m);
-            for (int j = 0; j < 4; j++)
-                row[first + j] = w * f[j];
-            row[BASIS_N] = w * lnt[k];
-            u[used++] = w;
-            weight += w * w;
-        }
-        if (qrls_add_eliminating(q, rows, u, used)) {
-            err_set(e, "least squares: LAPACK's QR factorisation failed");
-            goto done;
-        }
-    }
-    if (curve_penalty(q, b, lambda, NULL) || curve_gauge(q, b, sqrt(weight)) ||
-        qrls_solve(q, coef, 1e-13, &qf, e))
+    for (int i = 0; i < n; i++)
+        f.say[i] = 1;
+    if (least_squares(&f, e))
         goto done;
-    if (curve_to_table(r, c, b, coef)) {
+    for (int pass = 1; pass < MOST_PASSES && reweigh(&f, room + n) > 0.02; pass++)
+        if (least_squares(&f, e))
+            goto done;
+    if (curve_to_table(r, c, b, f.coef)) {
         err_set(e, "channel %d: the recovered response is not a curve: times or order of the images wrong?", c);
         goto done;
     }
-    facts->condition[c] = qf.condition;
-    facts->residual[c] = sqrt(qf.rss / weight);
+    facts->condition[c] = f.facts.condition;
+    facts->residual[c] = sqrt(f.facts.rss / f.weight);
     facts->pixels[c] = n;
     code = 0;
 done:
     free(chosen);
-    free(rows);
-    free(u);
-    qrls_free(q);
+    free(room);
     return code;
 }
 

@@ -8,15 +8,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "halfraw.h"
-
-enum { STRIP_ROWS = 64, RAW_MAX = 65535 };
+enum { STRIP_ROWS = 64 };
+static const double same_depth = 1.5;                 /* white levels of one series differ by less */
 static const int64_t strip_bytes = (int64_t)96 << 20; /* of codes, all exposures together */
 
 typedef struct frame {
     const char *path;
     img_reader *r;
     img_info info;
+    sensor_facts *sensor; /* camera raw, else NULL */
     float *rows;     /* one row as the reader gives it */
     uint16_t *strip; /* strip_rows of codes */
     uint8_t *kept8;  /* whole picture, or NULL */
@@ -31,7 +31,7 @@ typedef struct frame {
 struct frames {
     frames_facts facts;
     int bits, half, strip_rows, y, have_all; /* have_all: every row is kept or spooled */
-    int keep, fill[3], has_fill;
+    int keep, fill[3], has_fill, wants_fill;
     frame *f;
 };
 
@@ -50,6 +50,11 @@ const img_info *frames_info(const frames *f, int k)
     return &f->f[k].info;
 }
 
+const sensor_facts *frames_sensor(const frames *f, int k)
+{
+    return f->f[k].sensor;
+}
+
 int frames_strip_rows(const frames *f)
 {
     return f->strip_rows;
@@ -62,6 +67,7 @@ void frames_close(frames *f)
     for (int k = 0; f->f && k < f->facts.n; k++) {
         frame *p = &f->f[k];
         img_reader_close(p->r);
+        free(p->sensor);
         free(p->rows);
         free(p->strip);
         free(p->kept8);
@@ -97,15 +103,34 @@ static int any_alpha(const frames *f)
 
 static int top_code(const frames *f, const img_info *i)
 {
-    int top = i->coded ? (int)i->max_code : RAW_MAX, asked = (1 << f->bits) - 1;
+    int top = i->coded ? (int)i->max_code : SENSOR_CLIPPED, asked = (1 << f->bits) - 1;
     return f->bits && asked < top ? asked : top;
+}
+
+/* One camera, one way of reading its sensor out. */
+static int same_sensor(const frames *f, int k, errmsg *e)
+{
+    const sensor_facts *a = f->f[0].sensor, *b = f->f[k].sensor;
+    if (strcmp(a->camera, b->camera) != 0)
+        return err_set(e, "%s: expected a shot of the camera that made %s (%s), found %s", f->f[k].path,
+                       f->f[0].path, a->camera, b->camera);
+    if (a->channels != b->channels || memcmp(&a->mosaic, &b->mosaic, sizeof a->mosaic) != 0)
+        return err_set(e, "%s: expected the colour filters of %s, found others", f->f[k].path, f->f[0].path);
+    if (f->half && !cfa_is_bayer(&b->mosaic))
+        return err_set(e, "%s: expected a Bayer sensor with --half-size, found %s (%s)", f->f[k].path,
+                       b->mosaic.columns ? "another pattern" : "no pattern", b->camera);
+    return 0;
 }
 
 static int agree(const frames *f, int k, errmsg *e)
 {
     const img_info *a = &f->f[0].info, *b = &f->f[k].info;
     const char *path = f->f[k].path, *first = f->f[0].path;
-    if (!b->coded && strcmp(b->format, "raw") != 0)
+    int raw = f->f[k].sensor != NULL;
+    if (k && raw != (f->f[0].sensor != NULL))
+        return err_set(e, "%s: expected %s as %s is, found %s: one series is of one kind", path,
+                       raw ? "coded values" : "camera raw", first, b->format);
+    if (!b->coded && !raw)
         return err_set(e, "%s: expected codes of a camera (PNG, JPEG, TIFF, PNM, raw), found radiance (%s)",
                        path, b->format);
     if (b->coded && (b->max_code < 3 || b->max_code > 65535))
@@ -117,9 +142,38 @@ static int agree(const frames *f, int k, errmsg *e)
         return err_set(e, "%s: expected a %s image as %s is, found %s", path,
                        colour_channels(a) == 3 ? "colour" : "grey", first,
                        colour_channels(b) == 3 ? "colour" : "grey");
+    if (raw) return same_sensor(f, k, e);
     if (top_code(f, a) != top_code(f, b) || a->coded != b->coded)
         return err_set(e, "%s: expected codes 0..%d as in %s, found 0..%d", path, top_code(f, a), first,
                        top_code(f, b));
+    return 0;
+}
+
+/* Pixels as they lie in the file: those of one series lie alike on the sensor, whatever the tags say. */
+static const img_open_opts as_stored = {.keep_orientation = 1};
+
+static int open_one(frames *f, int k, errmsg *e)
+{
+    frame *p = &f->f[k];
+    if (img_reader_open_as(&p->r, p->path, &as_stored, e)) return -1;
+    p->info = *img_reader_info(p->r);
+    int raw = strcmp(p->info.format, "raw") == 0;
+    if (!raw)
+        return f->half
+                   ? err_set(e, "%s: expected camera raw with --half-size, found %s", p->path, p->info.format)
+                   : 0;
+    img_reader_close(p->r); /* it develops; we want the sensor's values */
+    p->r = NULL;
+    p->sensor = malloc(sizeof *p->sensor);
+    if (!p->sensor) return err_set(e, "out of memory");
+    if (f->bits || f->wants_fill)
+        return err_set(e, "%s: expected no %s with camera raw, whose values are known", p->path,
+                       f->bits ? "--bits" : "--fill");
+    if (sensor_probe(p->sensor, p->path, e)) return -1;
+    p->info.width = p->sensor->width;
+    p->info.height = p->sensor->height;
+    p->info.channels = p->sensor->channels;
+    p->info.orientation = p->sensor->orientation;
     return 0;
 }
 
@@ -133,32 +187,19 @@ int frames_open(frames **out, char *const *paths, int n, int64_t memory, int bit
     f->facts.n = n;
     f->bits = bits;
     f->half = half;
+    f->wants_fill = fill != NULL;
     for (int k = 0; k < n; k++) {
         f->f[k].path = paths[k];
-        if (img_reader_open(&f->f[k].r, paths[k], e))
-            goto bad;
-        img_info *i = &f->f[k].info;
-        *i = *img_reader_info(f->f[k].r);
-        int raw = strcmp(i->format, "raw") == 0;
-        if (raw) { /* its reader holds the whole picture */
-            img_reader_close(f->f[k].r);
-            f->f[k].r = NULL;
-        }
-        if (half && !raw) {
-            err_set(e, "%s: expected camera raw with --half-size, found %s", paths[k], i->format);
-            goto bad;
-        }
-        if (half && halfraw_size(&i->width, &i->height, paths[k], e))
-            goto bad;
-        if (agree(f, k, e))
-            goto bad;
+        if (open_one(f, k, e) || agree(f, k, e)) goto bad;
     }
     const img_info *i = &f->f[0].info;
     f->facts.width = i->width;
     f->facts.height = i->height;
     f->facts.channels = colour_channels(i);
     f->facts.max_code = top_code(f, i);
-    f->facts.raw = !i->coded;
+    f->facts.raw = f->f[0].sensor != NULL;
+    if (f->facts.raw && f->f[0].sensor->mosaic.columns) f->facts.mosaic = &f->f[0].sensor->mosaic;
+    for (int c = 0; c < 3; c++) f->facts.clip[c] = f->facts.max_code;
     if (fill && f->facts.channels == 3) {
         f->has_fill = 1;
         memcpy(f->fill, fill, sizeof f->fill);
@@ -227,10 +268,10 @@ static void find_missing(const frames *f, frame *p, const uint16_t *codes, uint8
 static void to_codes(const frames *f, frame *p, uint16_t *to, uint8_t *gone)
 {
     int w = f->facts.width, ch = f->facts.channels, from = p->info.channels;
-    float scale = p->info.coded ? 1 : (float)RAW_MAX, top = (float)f->facts.max_code;
+    float top = (float)f->facts.max_code;
     for (int x = 0; x < w; x++)
         for (int c = 0; c < ch; c++) {
-            float v = p->rows[(size_t)x * (size_t)from + (size_t)c] * scale + 0.5f;
+            float v = p->rows[(size_t)x * (size_t)from + (size_t)c] + 0.5f;
             to[(size_t)x * (size_t)ch + (size_t)c] = (uint16_t)(v > 0 ? v < top ? v : top : 0);
         }
     if (!gone)
@@ -241,40 +282,38 @@ static void to_codes(const frames *f, frame *p, uint16_t *to, uint8_t *gone)
             to[(size_t)x * (size_t)ch + (size_t)c] = (uint16_t)f->facts.max_code;
 }
 
-static int spool_half(frames *f, frame *p)
+static int spool_raw(frame *p, errmsg *e)
 {
-    size_t n = row_codes(f) * (size_t)f->facts.height;
-    uint16_t *rgb = NULL;
-    if (halfraw_read(&rgb, f->facts.width, f->facts.height, p->path, &p->why))
-        return -1;
-    int bad = fwrite(rgb, sizeof *rgb, n, p->spool) != n;
-    free(rgb);
-    if (bad || fflush(p->spool) || fseeko(p->spool, 0, SEEK_SET))
-        return err_errno(&p->why, "%s: temporary file", p->path);
-    return 0;
+    uint16_t *values = NULL;
+    if (sensor_read(&values, p->sensor, p->path, e)) return -1;
+    size_t n = (size_t)p->info.width * (size_t)p->info.height * (size_t)p->info.channels;
+    p->spool = tmpfile();
+    int bad = !p->spool || fwrite(values, sizeof *values, n, p->spool) != n || fflush(p->spool) ||
+              fseeko(p->spool, 0, SEEK_SET);
+    free(values);
+    return bad ? err_errno(e, "%s: temporary file", p->path) : 0;
 }
 
-static int spool_raw(frames *f, frame *p)
+int frames_begin(frames *f, void (*progress)(const char *what, double done, double total), errmsg *e)
 {
-    size_t n = row_codes(f);
-    p->spool = tmpfile();
-    if (!p->spool)
-        return err_errno(&p->why, "%s: temporary file", p->path);
-    if (f->half)
-        return spool_half(f, p);
-    if (img_reader_open(&p->r, p->path, &p->why))
-        return -1;
-    for (int y = 0; y < f->facts.height; y++) {
-        if (img_reader_rows(p->r, p->rows, 1, &p->why))
-            return -1;
-        to_codes(f, p, p->strip, NULL);
-        if (fwrite(p->strip, sizeof *p->strip, n, p->spool) != n)
-            return err_errno(&p->why, "%s: temporary file", p->path);
+    int top = 0;
+    for (int k = 0; k < f->facts.n && f->facts.raw; k++) { /* one at a time: each takes two whole pictures */
+        frame *p = &f->f[k];
+        int mine = 0;
+        if (spool_raw(p, e)) return -1;
+        for (int c = 0; c < 3 && p->sensor->clip[c]; c++) {
+            mine = p->sensor->clip[c] > mine ? p->sensor->clip[c] : mine;
+            if (k == 0 || p->sensor->clip[c] < f->facts.clip[c]) f->facts.clip[c] = p->sensor->clip[c];
+        }
+        if (k && (mine > same_depth * top || top > same_depth * mine))
+            return err_set(
+                e,
+                "%s: expected a white level of about %d above black as in %s, found %d: another bit depth?",
+                p->path, top, f->f[0].path, mine);
+        top = mine > top ? mine : top;
+        f->facts.max_code = top;
+        if (progress) progress("unpacking", k + 1, f->facts.n);
     }
-    if (fflush(p->spool) || fseeko(p->spool, 0, SEEK_SET))
-        return err_errno(&p->why, "%s: temporary file", p->path);
-    img_reader_close(p->r);
-    p->r = NULL;
     return 0;
 }
 
@@ -294,6 +333,8 @@ static int fetch(frames *f, frame *p, int y, int rows)
         if (fread(p->strip, sizeof *p->strip, all, p->spool) != all ||
             (p->spool_gone && fread(p->gone, 1, pixels, p->spool_gone) != pixels))
             return err_errno(&p->why, "%s: temporary file", p->path);
+        for (size_t i = 0; i < all; i++)
+            if (p->strip[i] > f->facts.max_code) p->strip[i] = (uint16_t)f->facts.max_code;
     } else {
         for (int j = 0; j < rows; j++) {
             if (img_reader_rows(p->r, p->rows, 1, &p->why))
@@ -323,8 +364,7 @@ int frames_rewind(frames *f, errmsg *e)
         } else {
             img_reader_close(p->r);
             p->r = NULL;
-            if (img_reader_open(&p->r, p->path, e))
-                return -1;
+            if (img_reader_open_as(&p->r, p->path, &as_stored, e)) return -1;
         }
     }
     if (f->have_all)
@@ -445,14 +485,7 @@ static const uint8_t *mask_of(const frames *f, const frame *p, int rows)
 int frames_next(frames *f, const uint16_t **codes, const uint8_t **missing, errmsg *e)
 {
     int left = f->facts.height - f->y, rows = left < f->strip_rows ? left : f->strip_rows;
-    if (rows == 0)
-        return 0;
-    if (f->facts.raw && f->y == 0 && !f->have_all)
-        for (int k = 0; k < f->facts.n; k++) /* one at a time: each takes hundreds of megabytes */
-            if (!f->f[k].spool && spool_raw(f, &f->f[k])) {
-                *e = f->f[k].why;
-                return -1;
-            }
+    if (rows == 0) return 0;
 #pragma omp parallel for schedule(dynamic, 1)
     for (int k = 0; k < f->facts.n; k++)
         f->f[k].failed = fetch(f, &f->f[k], f->y, rows);

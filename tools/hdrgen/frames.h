@@ -16,6 +16,7 @@
 
 #include "errmsg.h"
 #include "image.h"
+#include "sensor.h"
 #include "warp.h"
 
 typedef struct frames frames;
@@ -24,19 +25,27 @@ typedef struct frames_facts {
     int n, width, height;
     int channels; /* 1 or 3; alpha is left out */
     int max_code;
-    int raw;      /* linear codes from camera raw */
+    int raw;           /* codes are the sensor's own values less black (sensor.h) */
+    const cfa *mosaic; /* of camera raw with one value per pixel, else NULL */
+    int clip[3];       /* camera raw: values from here on are clipped, by colour; else max_code */
 } frames_facts;
 
 /* Open n files; all must agree in size, channels and depth.  memory: bytes of codes that may
- * be kept.  bits: how many of the files' bits the codes fill, from the lowest (0: all).  fill: NULL, or the code
- * triple that marks missing pixels.  half: camera raw at half size; other formats are refused then. */
+ * be kept.  bits: how many of the files' bits the codes fill, from the lowest (0: all).  fill: NULL, or the
+ * code triple that marks missing pixels.  half: the result will be at half size: camera raw with a Bayer
+ * mosaic is wanted then.  Pixels lie as in the files, whatever their orientation tags say. */
 int frames_open(frames **f, char *const *paths, int n, int64_t memory, int bits, const int *fill, int half, errmsg *e);
 void frames_close(frames *f);
 const frames_facts *frames_get_facts(const frames *f);
 const img_info *frames_info(const frames *f, int k);
+const sensor_facts *frames_sensor(const frames *f, int k); /* NULL: not camera raw */
 
 /* Renumber before the first row is read: exposure k becomes what order[k] was. */
 int frames_reorder(frames *f, const int *order, errmsg *e);
+
+/* After reordering, before the first row: camera raw is unpacked here, and max_code and clip are known then.
+ * progress may be NULL. */
+int frames_begin(frames *f, void (*progress)(const char *what, double done, double total), errmsg *e);
 
 /* Rows per strip that frames_next gives at most. */
 int frames_strip_rows(const frames *f);

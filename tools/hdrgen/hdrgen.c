@@ -9,6 +9,7 @@
 
 #include "cli.h"
 #include "job.h"
+#include "notes.h"
 #include "output.h"
 #include "plot.h"
 
@@ -66,9 +67,8 @@ static int take_bayer(const char *v, void *arg, errmsg *e)
     static const char *const known[] = {"RGGB", "BGGR", "GRBG", "GBRG"};
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
         if (strcmp(v, known[i]) == 0) {
-            for (int p = 0; p < 4; p++)
-                o->bayer[p] = v[p] == 'R' ? 0 : v[p] == 'G' ? 1 : 2;
-            o->has_bayer = 1;
+            o->bayer = (cfa){.columns = 2, .rows = 2};
+            for (int p = 0; p < 4; p++) o->bayer.colour[p] = v[p] == 'R' ? 0 : v[p] == 'G' ? 1 : 2;
             return 0;
         }
     return err_set(e, "expected RGGB, BGGR, GRBG or GBRG, found \"%s\"", v);
@@ -106,6 +106,18 @@ static int take_patch(const char *v, void *arg, errmsg *e)
     return o->patch[4] > 0 ? 0 : err_set(e, "expected a luminance above 0 cd/m2, found \"%s\"", eq + 1);
 }
 
+static int take_colour(const char *v, void *arg, errmsg *e)
+{
+    job_opts *o = arg;
+    static const colour_space known[] = {COLOUR_SRGB, COLOUR_CAMERA, COLOUR_XYZ, COLOUR_ACESCG};
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (strcmp(v, colour_name(known[i])) == 0) {
+            o->colour = known[i];
+            return 0;
+        }
+    return err_set(e, "expected srgb, camera, xyz or acescg, found \"%s\"", v);
+}
+
 static int take_type(const char *v, void *arg, errmsg *e)
 {
     output_opts *o = arg;
@@ -133,7 +145,8 @@ static int take_align(const char *v, void *arg, errmsg *e)
 }
 
 static const cli_opt options[] = {
-    {"output", 'o', CLI_STRING, &set.out.path, NULL, "OUT", "radiance: .exr or .hdr, \"-\" for .hdr on standard output"},
+    {"output", 'o', CLI_STRING, &set.out.path, NULL, "OUT",
+     "radiance: .exr or .hdr, \"-\" for .hdr on standard output"},
     {"times", 't', CLI_STRING, &set.times, NULL, "FILE",
      "exposure times: lines \"image seconds\" (default: from the images' EXIF data)"},
     {"response", 'r', CLI_CALL, &set.job, take_response, "KIND",
@@ -144,14 +157,17 @@ static const cli_opt options[] = {
     {"plot", 0, CLI_STRING, &set.plot, NULL, "FILE", "draw the response and its sample points into a PNG"},
     {"weight", 'w', CLI_CALL, &set.job, take_weight, "KIND",
      "noise: inverse variance (default); debevec: hat, zero at both ends"},
-    {"gain", 0, CLI_DOUBLE, &set.job.gain, NULL, "E", "electrons per code of the linearised scale (default: estimated)"},
-    {"read-noise", 0, CLI_DOUBLE, &set.job.read_noise, NULL, "E", "read noise in electrons, with --gain (default: estimated)"},
+    {"gain", 0, CLI_DOUBLE, &set.job.gain, NULL, "E",
+     "electrons per code of the linearised scale (default: estimated)"},
+    {"read-noise", 0, CLI_DOUBLE, &set.job.read_noise, NULL, "E",
+     "read noise in electrons, with --gain (default: estimated)"},
     {"refine-times", 0, CLI_FLAG, &set.job.refine_times, NULL, NULL,
      "estimate the times from the overlap; the middle one is held"},
     {"align", 0, CLI_MAYBE, &set.job, take_align, "WHEN",
      "put hand-held shots over the middle one: always (the default of --align; what can't be registered is "
      "refused), auto (move what is better for it), never (the default)"},
-    {"deghost", 0, CLI_FLAG, &set.job.deghost, NULL, NULL, "leave out samples that contradict the other exposures"},
+    {"deghost", 0, CLI_FLAG, &set.job.deghost, NULL, NULL,
+     "leave out samples that contradict the other exposures"},
     {"sigma", 0, CLI_FLAG, &set.job.want_sigma, NULL, NULL,
      "add channels sigma.R, .G, .B: the standard deviation (OpenEXR)"},
     {"count", 0, CLI_FLAG, &set.job.want_count, NULL, NULL,
@@ -159,18 +175,30 @@ static const cli_opt options[] = {
     {"flags", 0, CLI_FLAG, &set.out.want_flags, NULL, NULL,
      "add channel flags: 1 clipped everywhere, 2 black everywhere, 4 one or the other\n"
      "everywhere, 8 samples left out by --deghost, 16 missing everywhere (OpenEXR)"},
-    {"calibrate", 0, CLI_CALL, &set.job, take_patch, "X,Y,W,H=L", "scale so that this rectangle has L cd/m2 on average"},
-    {"dark", 0, CLI_STRING, &set.job.dark, NULL, "FILE", "dark frame: its exposure is subtracted from every image"},
-    {"flat", 0, CLI_STRING, &set.job.flat, NULL, "FILE", "flat field: the radiance is divided by it (mean 1)"},
-    {"hot", 0, CLI_STRING, &set.job.hot, NULL, "FILE", "mask: pixels that aren't 0 in it are filled from their neighbours"},
+    {"calibrate", 0, CLI_CALL, &set.job, take_patch, "X,Y,W,H=L",
+     "scale so that this rectangle has L cd/m2 on average"},
+    {"dark", 0, CLI_STRING, &set.job.dark, NULL, "FILE",
+     "dark frame: its exposure is subtracted from every image"},
+    {"flat", 0, CLI_STRING, &set.job.flat, NULL, "FILE",
+     "flat field: the radiance is divided by it (mean 1)"},
+    {"hot", 0, CLI_STRING, &set.job.hot, NULL, "FILE",
+     "mask: pixels that aren't 0 in it are filled from their neighbours"},
     {"bayer", 0, CLI_CALL, &set.job, take_bayer, "ORDER",
      "grey images are a Bayer mosaic: RGGB, BGGR, GRBG or GBRG; merged, then interpolated"},
-    {"half-size", 0, CLI_FLAG, &set.job.half_size, NULL, NULL, "camera raw: one pixel for each 2x2 of the sensor"},
-    {"bits", 0, CLI_INT, &set.job.bits, NULL, "B", "codes fill B bits of their files', from the lowest (default: all)"},
-    {"white", 0, CLI_INT, &set.job.white, NULL, "CODE", "codes from this on are clipped (default: found from the series)"},
-    {"fill", 0, CLI_CALL, &set.job, take_fill, "R,G,B", "pixels of exactly these codes are missing in that image"},
+    {"colour", 0, CLI_CALL, &set.job, take_colour, "SPACE",
+     "camera raw: srgb (linear, default), xyz, acescg, or camera: the sensor's own after\n"
+     "white balance"},
+    {"half-size", 0, CLI_FLAG, &set.job.half_size, NULL, NULL,
+     "camera raw: one pixel for each 2x2 of the sensor"},
+    {"bits", 0, CLI_INT, &set.job.bits, NULL, "B",
+     "codes fill B bits of their files', from the lowest (default: all)"},
+    {"white", 0, CLI_INT, &set.job.white, NULL, "CODE",
+     "codes from this on are clipped (default: found from the series)"},
+    {"fill", 0, CLI_CALL, &set.job, take_fill, "R,G,B",
+     "pixels of exactly these codes are missing in that image"},
     {"type", 0, CLI_CALL, &set.out, take_type, "T", "OpenEXR values: float (default) or half"},
-    {"compression", 0, CLI_STRING, &set.out.compression, NULL, "C", "OpenEXR: none, rle, zips, zip (default), piz or dwaa"},
+    {"compression", 0, CLI_STRING, &set.out.compression, NULL, "C",
+     "OpenEXR: none, rle, zips, zip (default), piz or dwaa"},
     {"verbose", 'v', CLI_FLAG, &set.verbose, NULL, NULL, "say what was found, on standard error"},
     {0},
 };
@@ -192,6 +220,7 @@ static void report(const job *j)
     const frames_facts *f = frames_get_facts(j->frames);
     fprintf(stderr, "%d images, %dx%d, %d channel%s, codes 0..%d; response %s\n", f->n, f->width, f->height,
             f->channels, f->channels == 1 ? "" : "s", f->max_code, j->response.origin);
+    report_shots(j);
     for (int c = 0; c < j->response.channels; c++) {
         const noise_model *n = &j->noise[c];
         if (j->facts.solve.condition[c] > 0)
@@ -207,6 +236,9 @@ static void report(const job *j)
                     n->read / n->photon);
         fputc('\n', stderr);
     }
+    const contradict_facts *d = &j->facts.contradict;
+    fprintf(stderr, "neighbouring exposures differ by %.3f stops rms, %.3g %% of pixels by more than a quarter, cause %d\n", d->stops,
+            100 * d->share, (int)d->cause);
     fprintf(stderr, "CPU s: reading %.3f, aligning %.3f, recovering %.3f, merging %.3f\n", j->facts.read_s,
             j->facts.align_s, j->facts.recover_s, j->facts.merge_s);
 }
@@ -261,16 +293,15 @@ static void note_white(const job *j)
 
 static void summary(const job *j)
 {
-    if (j->facts.assumed_time)
-        cli_note("%s: no exposure time: 1 s assumed", j->shots[0].path);
+    notes_exposures(j);
+    notes_turn(j);
     if (j->facts.bits_used)
         cli_warn("%s: the codes of this series end at %d, where files of this kind end at %d: if that is where the camera clips, give --bits %d",
                  j->shots[0].path, (1 << j->facts.bits_used) - 1, frames_get_facts(j->frames)->max_code, j->facts.bits_used);
     note_white(j);
-    if (j->facts.varies)
-        cli_note("ISO or f-number vary: taken into account relative to %s", j->shots[0].path);
     if (j->align)
         report_motions(j);
+    notes_colours(j);
     note_pixels(j->facts.clipped, j, "clipped in every exposure: lower bound");
     note_pixels(j->facts.black, j, "black in every exposure: upper bound");
     note_pixels(j->facts.gap, j, "clipped or black in every exposure: between two bounds");
@@ -305,6 +336,8 @@ static void check_usage(int images)
     int exr = strcmp(end, ".exr") == 0;
     if (!exr && strcmp(end, ".hdr") != 0 && strcmp(set.out.path, "-") != 0)
         cli_fail(CLI_USAGE, "-o: expected a name that ends in .exr or .hdr, found %s", set.out.path);
+    if (!exr && o->colour == COLOUR_XYZ)
+        cli_fail(CLI_USAGE, "--colour xyz: expected an output named .exr, found %s", set.out.path);
     if (!exr && (o->want_sigma || o->want_count || set.out.want_flags))
         cli_fail(CLI_USAGE, "--sigma, --count, --flags: expected an output named .exr, found %s", set.out.path);
 }

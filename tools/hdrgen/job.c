@@ -8,6 +8,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "develop.h"
 #include "exif.h"
 #include "samples.h"
 
@@ -22,12 +23,7 @@ double job_cpu_s(void)
 
 int job_channels(const job *j)
 {
-    return j->opts.has_bayer ? 3 : frames_get_facts(j->frames)->channels;
-}
-
-int job_mosaic(const job *j)
-{
-    return j->opts.has_bayer;
+    return j->mosaic ? 3 : frames_get_facts(j->frames)->channels;
 }
 
 int job_linear_codes(const job *j)
@@ -91,6 +87,18 @@ static int load_dark(job *j, errmsg *e)
     return j->dark ? 0 : err_set(e, "%s: out of memory", j->opts.dark);
 }
 
+static int settle_mosaic(job *j, errmsg *e)
+{
+    const frames_facts *f = frames_get_facts(j->frames);
+    if (j->opts.bayer.columns && (f->channels != 1 || f->raw))
+        return err_set(e, "%s: expected grey images with --bayer, found %s", j->shots[0].path,
+                       f->raw ? "camera raw" : "colour");
+    if (j->opts.dark && f->raw)
+        return err_set(e, "%s: expected no --dark with camera raw, whose black level is known", j->opts.dark);
+    j->mosaic = f->raw ? f->mosaic : j->opts.bayer.columns ? &j->opts.bayer : NULL;
+    return 0;
+}
+
 int job_open(job *j, const char *times_file, errmsg *e)
 {
     char **paths = calloc((size_t)j->n, sizeof *paths);
@@ -108,20 +116,19 @@ int job_open(job *j, const char *times_file, errmsg *e)
         exif_facts x = exif_read(j->shots[k].path);
         j->shots[k].seconds = i->exposure_s > 0 ? i->exposure_s : x.exposure_s;
         j->shots[k].f_number = i->f_number > 0 ? i->f_number : x.f_number;
-        j->shots[k].iso = i->iso > 0 ? i->iso : x.iso;
+        j->shots[k].iso = i->iso > 0 && i->iso != 65535 ? i->iso : x.iso; /* 65535: more than 16 bits hold */
     }
+    j->times_given = times_file != NULL;
     if (times_file && times_load(j->shots, j->n, times_file, e))
         return -1;
     if (j->n == 1 && !(j->shots[0].seconds > 0)) {
         j->shots[0].seconds = 1; /* one picture of unknown time: radiance is relative anyway */
         j->facts.assumed_time = 1;
     }
-    if (shots_resolve(j->shots, j->n, &j->facts.varies, e) || sort_shots(j, e))
-        return -1;
-    if (j->opts.dark && load_dark(j, e))
-        return -1;
-    if (j->opts.has_bayer && frames_get_facts(j->frames)->channels != 1)
-        return err_set(e, "%s: expected grey images with --bayer, found colour", j->shots[0].path);
+    if (shots_resolve(j->shots, j->n, times_file != NULL, &j->facts.times, e) || sort_shots(j, e)) return -1;
+    shots_relate(j->shots, j->n);
+    if (settle_mosaic(j, e) || develop_settle(j, e) || frames_begin(j->frames, j->progress, e)) return -1;
+    if (j->opts.dark && load_dark(j, e)) return -1;
     j->exposure = calloc((size_t)j->n, sizeof *j->exposure);
     if (!j->exposure)
         return err_set(e, "out of memory");
@@ -157,6 +164,9 @@ static int settle_white(job *j, errmsg *e)
         return -1;
     for (int c = 0; c < RESPONSE_MAX_CHANNELS && j->opts.white; c++)
         j->facts.clip[c] = j->opts.white;
+    const int *sensor = frames_get_facts(j->frames)->clip;
+    for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++) /* camera raw states it for each colour */
+        if (j->facts.clip[c] > sensor[c]) j->facts.clip[c] = sensor[c];
     for (int c = 0; c < j->samples.channels; c++)
         j->facts.bits_used = j->facts.clip[c] < top ? 0 : j->facts.bits_used; /* known better */
     white_apply(&j->samples, j->facts.clip);
@@ -175,8 +185,8 @@ static int collect_samples(job *j, errmsg *e)
         free(missing);
         return err_set(e, "out of memory");
     }
-    if (sampler_init(&p, f->width, f->height, j->n, job_channels(j), f->max_code,
-                     j->opts.has_bayer ? j->opts.bayer : NULL, j->dark != NULL, WANTED_SAMPLES, e)) {
+    if (sampler_init(&p, f->width, f->height, j->n, job_channels(j), f->max_code, j->mosaic, j->dark != NULL,
+                     WANTED_SAMPLES, e)) {
         free(codes);
         free(missing);
         return -1;
@@ -218,6 +228,34 @@ static int same_exposure(const job *j)
     return 1;
 }
 
+/* All stated exposures alike, all pictures not: wrong times, which no response can mend. */
+static int check_stated(job *j, errmsg *e)
+{
+    static const double most_alike = 0.5; /* stops: lamps flicker, clouds move */
+    stated_facts *f = &j->facts.stated;
+    int linear = frames_get_facts(j->frames)->raw || j->opts.response == RESPONSE_LINEAR;
+    stated_check(f, &j->samples, j->exposure, linear);
+    if (j->n > 1 && same_exposure(j) && f->span > most_alike && !j->times_given)
+        return err_set(e,
+                       "%s: expected the exposure times that were used, found %.4g s in all %d files, though "
+                       "their brightness "
+                       "differs by %.1f stops: give --times",
+                       j->shots[0].path, j->shots[0].seconds, j->n, f->span);
+    return 0;
+}
+
+/* A polynomial's fit is not robust: what contradicts is found by one that is.  Where that fails, nothing is marked. */
+static void mark_by_debevec(job *j, const double *lnt)
+{
+    response r = {0};
+    solve_facts unused;
+    errmsg words;
+    noise_model noise[RESPONSE_MAX_CHANNELS] = {noise_default(), noise_default(), noise_default()};
+    if (debevec_solve(&r, &unused, &j->samples, lnt, j->opts.lambda, &words) == 0)
+        contradict_mark(&j->samples, &r, noise, lnt, &words);
+    response_free(&r);
+}
+
 static int first_response(job *j, const double *lnt, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
@@ -230,8 +268,11 @@ static int first_response(job *j, const double *lnt, errmsg *e)
             return err_set(e, "%s: expected two images or more to recover a response, found one: give --response",
                            j->shots[0].path);
         if (same_exposure(j))
-            return err_set(e, "%s: expected images of different exposure to recover a response, found %d of the same: "
-                           "give --response", j->shots[0].path, j->n);
+            return err_set(
+                e,
+                "%s: expected images of different exposure to recover a response, found %d of the same: "
+                "give --response, or --times if these are wrong",
+                j->shots[0].path, j->n);
     }
     switch (kind) {
     case RESPONSE_LINEAR:
@@ -243,10 +284,27 @@ static int first_response(job *j, const double *lnt, errmsg *e)
     case RESPONSE_FILE:
         return response_load(&j->response, j->opts.response_file, ch, f->max_code, e);
     case RESPONSE_MITSUNAGA:
+        mark_by_debevec(j, lnt);
         return mitsunaga_solve(&j->response, &j->facts.solve, &j->samples, lnt, e);
     default:
         return debevec_solve(&j->response, &j->facts.solve, &j->samples, lnt, j->opts.lambda, e);
     }
+}
+
+/* One sensor's colours are read out alike.  Where a colour shows too little of the dark to tell its noise
+ * there, far below that of the others, it gets the middle one's. */
+static void share_dark_noise(noise_model m[3], int top)
+{
+    static const double far_below = 0.25; /* of the variance */
+    const double code = 1.0 / top;
+    double v[3];
+    for (int c = 0; c < 3; c++) v[c] = noise_variance(&m[c], 0, code);
+    double middle = fmax(fmin(v[0], v[1]), fmin(fmax(v[0], v[1]), v[2]));
+    for (int c = 0; c < 3; c++)
+        if (v[c] < far_below * middle) {
+            m[c].code_var = 1.0 / 12;
+            m[c].read = sqrt(fmax(middle - code * code / 12, 0));
+        }
 }
 
 int job_calibrate(job *j, errmsg *e)
@@ -265,8 +323,7 @@ int job_calibrate(job *j, errmsg *e)
             goto done;
     }
     double t0 = job_cpu_s();
-    if (first_response(j, lnt, e))
-        goto done;
+    if (check_stated(j, e) || first_response(j, lnt, e)) goto done;
     memcpy(j->response.clip, j->facts.clip, sizeof j->response.clip);
     /* hat weights on logarithms go with the curve that came from the same: both lean the same way */
     recover = strcmp(j->response.origin, "debevec") == 0 && j->opts.weight == MERGE_NOISE;
@@ -283,9 +340,14 @@ int job_calibrate(job *j, errmsg *e)
     }
     o.reference = j->n / 2; /* by time */
     if (j->n > 1) {
-        if (calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
+        if (contradict_mark(&j->samples, &j->response, j->noise, lnt, e) ||
+            calibrate(&j->response, j->noise, lnt, &j->facts.calib, &j->samples, &o, e))
             goto done;
         j->facts.calibrated = 1;
+        if (frames_get_facts(j->frames)->raw && j->response.channels == 3 && !(j->opts.gain > 0))
+            share_dark_noise(j->noise, j->response.max_code);
+        if (contradict_measure(&j->facts.contradict, &j->samples, &j->response, j->noise, lnt, e))
+            goto done;
     }
     for (int k = 0; k < j->n; k++)
         j->exposure[k] = exp(lnt[k]);

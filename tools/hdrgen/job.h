@@ -6,6 +6,9 @@
 
 #include "align.h"
 #include "calibrate.h"
+#include "cfa.h"
+#include "colour.h"
+#include "contradict.h"
 #include "debevec.h"
 #include "errmsg.h"
 #include "frames.h"
@@ -14,6 +17,7 @@
 #include "noise.h"
 #include "response.h"
 #include "samples.h"
+#include "stated.h"
 #include "times.h"
 #include "white.h"
 
@@ -37,7 +41,8 @@ typedef struct job_opts {
     int bits;                /* that the codes fill of their files', from the lowest; 0: all */
     int white;               /* code from which on all is clipped; 0: find it */
     int refine_times, deghost, want_sigma, want_count, half_size;
-    int has_bayer, bayer[4]; /* colours (0..2) of the 2x2 positions, row by row */
+    cfa bayer; /* of grey images; columns 0: none */
+    colour_space colour;
     int has_fill, fill[3];   /* code triple of missing pixels */
     const char *dark, *flat, *hot; /* files or NULL */
     double patch[5];         /* x, y, w, h, cd/m2; w = 0: none */
@@ -45,11 +50,27 @@ typedef struct job_opts {
     int64_t memory;          /* bytes of codes kept between the passes */
 } job_opts;
 
+/* How camera raw became colours, and how the picture was turned. */
+typedef struct develop_facts {
+    const char *camera;     /* NULL: not camera raw in colour */
+    double balance[3];      /* multipliers of the white balance */
+    int balance_from;       /* the shot that states it; -1: none does */
+    int daylight;           /* it is that of daylight, by the camera's matrix */
+    double balance_differs; /* the other shots' multipliers are off by this part at most; 0: they agree */
+    int no_matrix;          /* this camera's is unknown: colours are its own */
+    long outside;           /* pixels of a colour that the space's primaries can't make: negative values */
+    int orientation;        /* EXIF's 1..8 that the picture was turned by */
+    int turns_differ;       /* the shots' tags do */
+} develop_facts;
+
 typedef struct job_facts {
     solve_facts solve;     /* of the first estimate; condition 0 where none was needed */
     calib_facts calib;
+    develop_facts develop;
     int calibrated;        /* calib holds something */
-    int varies;            /* ISO or f-number differ */
+    times_facts times;     /* what the exposures were made of */
+    stated_facts stated;   /* and whether the pixels agree */
+    contradict_facts contradict; /* of the exposures as they were merged */
     int assumed_time;      /* one image of unknown time: 1 s */
     int bits_used;         /* the codes seem to end at 2^this - 1, below the file's highest; 0: they don't */
     int clip[RESPONSE_MAX_CHANNELS]; /* codes from here on are clipped */
@@ -61,8 +82,9 @@ typedef struct job_facts {
 typedef struct job {
     job_opts opts;
     shot *shots;          /* from the shortest exposure on once job_open is done */
-    int n;
+    int n, times_given;   /* times_given: by a file */
     frames *frames;
+    const cfa *mosaic; /* one value per pixel, of these colours; NULL: pixels have all channels */
     response response;
     noise_model noise[RESPONSE_MAX_CHANNELS];
     samples samples;      /* kept for the plot */
@@ -89,13 +111,12 @@ int job_merge(job *j, errmsg *e);
  * clip levels known.  Called by job_calibrate where job_opts.align asks for it. */
 int job_align(job *j, errmsg *e);
 
-/* Neighbouring pixels are of different colours (--bayer); codes are proportional to light. */
-int job_mosaic(const job *j);
+/* Codes are proportional to light. */
 int job_linear_codes(const job *j);
 
 void job_close(job *j);
 
-/* CPU seconds of the process so far; channels that are merged (3 for Bayer). */
+/* CPU seconds of the process so far; channels that are merged (3 for a mosaic). */
 double job_cpu_s(void);
 int job_channels(const job *j);
 

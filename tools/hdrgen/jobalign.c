@@ -29,9 +29,9 @@ static void small_free(small *s)
 static int small_init(small *s, const job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
-    int mosaic = job_mosaic(j), most = f->width < f->height ? f->width : f->height;
+    int most = f->width < f->height ? f->width : f->height;
     *s = (small){.factor = (int)ceil(sqrt((double)f->width * f->height / small_pixels))};
-    s->factor += mosaic && s->factor % 2; /* whole 2x2 cells */
+    s->factor += j->mosaic && s->factor % 2; /* whole 2x2 cells */
     if (s->factor > most) s->factor = most;
     s->width = f->width / s->factor;
     s->height = f->height / s->factor;
@@ -61,10 +61,9 @@ static void add_row(small *s, const frames_facts *f, int k, const uint16_t *code
 
 static void finish_greys(small *s, const job *j)
 {
-    const frames_facts *f = frames_get_facts(j->frames);
     int linear = job_linear_codes(j);
     double top = 0;
-    for (int c = 0; c < f->channels; c++) top = fmax(top, j->facts.clip[c]);
+    for (int c = 0; c < job_channels(j); c++) top = fmax(top, j->facts.clip[c]);
     double scale = 1 / (top * s->factor * s->factor);
     size_t values = (size_t)s->width * (size_t)s->height * (size_t)j->n;
     for (size_t i = 0; i < values; i++) {
@@ -106,18 +105,29 @@ static int all_registered(const job *j, errmsg *e)
     return 0;
 }
 
-int job_align(job *j, errmsg *e)
+/* What frames_move needs to know of the codes. */
+static int warp_of_codes(warp_opts *o, const job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
+    if (j->mosaic && (j->mosaic->columns != 2 || j->mosaic->rows != 2))
+        return err_set(e, "%s: expected a sensor with cells of 2x2 colours for --align, found %dx%d", j->shots[0].path,
+                       j->mosaic->columns, j->mosaic->rows);
+    *o = (warp_opts){f->width, f->height, f->channels, j->mosaic != NULL, job_linear_codes(j), {0}};
+    for (int i = 0; i < 4; i++)
+        o->clip[i] = j->facts.clip[j->mosaic ? cfa_at(j->mosaic, i % 2, i / 2) : i % f->channels];
+    return 0;
+}
+
+int job_align(job *j, errmsg *e)
+{
     small s = {0};
+    warp_opts o;
     double t0 = job_cpu_s();
     j->align = calloc((size_t)j->n, sizeof *j->align);
-    int bad = j->align ? 0 : err_set(e, "aligning: out of memory");
+    int bad = j->align ? warp_of_codes(&o, j, e) : err_set(e, "aligning: out of memory");
     if (!bad) bad = small_init(&s, j, e) || gather(&s, j, e) ||
                     align_estimate(j->align, s.pictures, j->exposure, j->n, s.width, s.height, e);
     if (!bad && j->opts.align == ALIGN_ALWAYS) bad = all_registered(j, e);
-    warp_opts o = {f->width, f->height, f->channels, job_mosaic(j), job_linear_codes(j), {0, 0, 0}};
-    memcpy(o.clip, j->facts.clip, sizeof o.clip);
     for (int k = 0; k < j->n && !bad; k++) {
         align_shot *a = &j->align[k];
         a->m = motion_scaled(a->m, s.factor);
@@ -126,5 +136,5 @@ int job_align(job *j, errmsg *e)
     }
     small_free(&s);
     j->facts.align_s += job_cpu_s() - t0;
-    return bad;
+    return bad ? -1 : 0;
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "develop.h"
 #include "finish.h"
 #include "job.h"
 
@@ -45,13 +46,14 @@ typedef struct lane {
     int offset;                      /* in values within a pixel */
 } lane;
 
-static int lanes_of_row(lane out[3], const job *j, int y)
+static int lanes_of_row(lane out[CFA_MOST], const job *j, int y)
 {
     const frames_facts *f = frames_get_facts(j->frames);
     int n = 0;
-    if (j->opts.has_bayer) {
-        for (int p = 0; p < 2 && p < f->width; p++)
-            out[n++] = (lane){j->opts.bayer[(y & 1) * 2 + p], p, 2, (f->width - p + 1) / 2, 0};
+    if (j->mosaic) {
+        int step = j->mosaic->columns;
+        for (int p = 0; p < step && p < f->width; p++)
+            out[n++] = (lane){cfa_at(j->mosaic, p, y), p, step, (f->width - p + step - 1) / step, 0};
         return n;
     }
     for (; n < f->channels; n++)
@@ -92,7 +94,7 @@ static void fill_pedestal(const job *j, bench *b, int y)
     const uint16_t *d = j->dark + (size_t)y * (size_t)f->width * (size_t)ch;
     for (int x = 0; x < f->width; x++)
         for (int c = 0; c < ch; c++) {
-            int from = j->opts.has_bayer ? j->opts.bayer[(y & 1) * 2 + (x & 1)] : c;
+            int from = j->mosaic ? cfa_at(j->mosaic, x, y) : c;
             b->pedestal[x * ch + c] = (float)j->response.finv[from][d[x * ch + c]];
         }
 }
@@ -101,7 +103,7 @@ static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
 {
     int w = frames_get_facts(j->frames)->width, y = s->y + row;
     size_t out = (size_t)y * (size_t)w;
-    lane lanes[3];
+    lane lanes[CFA_MOST];
     int n = lanes_of_row(lanes, j, y);
     memset(j->flags + out, 0, (size_t)w);
     if (j->count)
@@ -109,7 +111,7 @@ static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
     if (j->dark)
         fill_pedestal(j, b, y);
     memset(b->reject, 0, sizeof *b->reject * (size_t)w);
-    if (j->opts.deghost && !j->opts.has_bayer) { /* what contradicts in one channel goes in all */
+    if (j->opts.deghost && !j->mosaic) { /* what contradicts in one channel goes in all */
         for (int l = 0; l < n; l++) {
             merge_row r = row_for(j, &lanes[l], b, s, row);
             merge_find_ghosts(m, lanes[l].channel, &r, b->reject);
@@ -118,7 +120,7 @@ static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
     }
     for (int l = 0; l < n; l++) {
         merge_row r = row_for(j, &lanes[l], b, s, row);
-        if (j->opts.deghost && j->opts.has_bayer) {
+        if (j->opts.deghost && j->mosaic) {
             memset(b->reject, 0, sizeof *b->reject * (size_t)w);
             merge_find_ghosts(m, lanes[l].channel, &r, b->reject);
             merge_settle_ghosts(m, b->reject, b->reject + w, r.count);
@@ -189,8 +191,8 @@ static int all_rows(job *j, const merge *m, strip *s, errmsg *e)
 static int load_aside(img *im, const job *j, const char *path, int channels, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
-    if (img_load(im, path, e))
-        return -1;
+    static const img_open_opts as_stored = {.keep_orientation = 1}; /* as the series' pixels lie */
+    if (img_load_as(im, path, &as_stored, e)) return -1;
     if (im->info.width == f->width && im->info.height == f->height &&
         (channels == 0 || (im->info.channels >= 3 ? 3 : 1) == channels))
         return 0;
@@ -198,6 +200,36 @@ static int load_aside(img *im, const job *j, const char *path, int channels, err
             channels == 3 ? " in colour" : channels == 1 ? " in grey" : "", im->info.width, im->info.height);
     img_free(im);
     return -1;
+}
+
+/* The flat field as the sensor's values, clipped ones refused. */
+static int load_raw_flat(img *flat, const job *j, errmsg *e)
+{
+    const frames_facts *f = frames_get_facts(j->frames);
+    sensor_facts s;
+    uint16_t *values = NULL;
+    img_info info;
+    const char *path = j->opts.flat;
+    if (img_probe(&info, path, e)) return -1;
+    if (strcmp(info.format, "raw") != 0)
+        return err_set(e, "%s: expected a flat field in camera raw as the series is, found %s", path,
+                       info.format);
+    if (sensor_probe(&s, path, e)) return -1;
+    if (s.width != f->width || s.height != f->height || s.channels != 1 ||
+        memcmp(&s.mosaic, j->mosaic, sizeof s.mosaic) != 0)
+        return err_set(e, "%s: expected %dx%d photosites with the series' colour filters, found %dx%d%s",
+                       path, f->width, f->height, s.width, s.height, s.channels == 1 ? "" : " without");
+    if (img_alloc(flat, s.width, s.height, 1, e) || sensor_read(&values, &s, path, e)) return -1;
+    int64_t clipped = 0, n = (int64_t)s.width * s.height;
+    for (int64_t i = 0; i < n; i++) {
+        flat->pix[i] = values[i];
+        clipped += values[i] == SENSOR_CLIPPED;
+    }
+    free(values);
+    return clipped * 1000 > n
+               ? err_set(e, "%s: expected a flat field that is not clipped, found %lld clipped photosites",
+                         path, (long long)clipped)
+               : 0;
 }
 
 static int heal(job *j, errmsg *e)
@@ -208,7 +240,7 @@ static int heal(job *j, errmsg *e)
     if (load_aside(&mask, j, j->opts.hot, 0, e))
         return -1;
     uint8_t *marked = calloc(pixels, 1);
-    int from = mask.info.channels, step = j->opts.has_bayer ? 2 : 1;
+    int from = mask.info.channels, step = j->mosaic ? j->mosaic->columns : 1;
     for (size_t i = 0; marked && i < pixels; i++) {
         for (int c = 0; c < (from >= 3 ? 3 : 1); c++)
             marked[i] |= mask.pix[i * (size_t)from + (size_t)c] > 0;
@@ -224,54 +256,56 @@ static int heal(job *j, errmsg *e)
     return 0;
 }
 
+/* A flat field of the same camera's raw values, or of as many channels as are merged; as light. */
+static int load_flat(img *flat, int ch, const job *j, errmsg *e)
+{
+    const frames_facts *f = frames_get_facts(j->frames);
+    if (frames_sensor(j->frames, 0) && j->mosaic && ch == 1) return load_raw_flat(flat, j, e);
+    if (load_aside(flat, j, j->opts.flat, ch, e)) return -1;
+    int from = flat->info.channels;
+    for (int64_t i = 0; i < (int64_t)f->width * f->height; i++)
+        for (int c = 0; c < ch; c++) {
+            float v = flat->pix[i * from + c];
+            if (flat->info.coded) { /* codes of the same camera */
+                const response *r = &j->response;
+                double z = j->opts.bits ? fmin((double)v, r->max_code)
+                                        : (double)v * r->max_code / flat->info.max_code;
+                v = (float)r->finv[j->mosaic ? cfa_at(j->mosaic, (int)(i % f->width), (int)(i / f->width))
+                                             : c][(int)(z + 0.5)];
+            }
+            flat->pix[i * ch + c] = v;
+        }
+    return 0;
+}
+
+/* Each colour of a mosaic to mean 1, so that the flat field's own colour does not matter. */
+static void level_colours(float *flat, const cfa *mosaic, int width, int height)
+{
+    double sum[3] = {0}, n[3] = {0};
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            int c = cfa_at(mosaic, x, y);
+            sum[c] += (double)flat[(size_t)y * (size_t)width + (size_t)x];
+            n[c]++;
+        }
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            int c = cfa_at(mosaic, x, y);
+            float *v = &flat[(size_t)y * (size_t)width + (size_t)x];
+            *v = (float)((double)*v * n[c] / sum[c]);
+        }
+}
+
 static int flatten(job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
-    int64_t pixels = (int64_t)f->width * f->height;
-    int ch = f->channels;
     img flat;
-    if (load_aside(&flat, j, j->opts.flat, ch, e))
-        return -1;
-    int from = flat.info.channels;
-    for (int64_t i = 0; i < pixels; i++)
-        for (int c = 0; c < ch; c++) {
-            float v = flat.pix[i * from + c];
-            if (flat.info.coded) { /* codes of the same camera */
-                const response *r = &j->response;
-                double z = j->opts.bits ? fmin((double)v, r->max_code) : (double)v * r->max_code / flat.info.max_code;
-                v = (float)r->finv[j->opts.has_bayer ? 1 : c][(int)(z + 0.5)];
-            }
-            flat.pix[i * ch + c] = v;
-        }
-    int bad = apply_flat(j->radiance.pix, j->sigma, flat.pix, ch, pixels, j->opts.flat, e);
+    if (load_flat(&flat, f->channels, j, e)) return -1;
+    if (j->mosaic) level_colours(flat.pix, j->mosaic, f->width, f->height);
+    int bad = apply_flat(j->radiance.pix, j->sigma, flat.pix, f->channels, (int64_t)f->width * f->height,
+                         j->opts.flat, e);
     img_free(&flat);
     return bad;
-}
-
-static int demosaic(job *j, errmsg *e)
-{
-    const frames_facts *f = frames_get_facts(j->frames);
-    img rgb;
-    float *sigma = NULL;
-    if (img_alloc(&rgb, f->width, f->height, 3, e))
-        return -1;
-    if (j->sigma) {
-        sigma = malloc((size_t)f->width * (size_t)f->height * 3 * sizeof *sigma);
-        if (!sigma) {
-            img_free(&rgb);
-            return err_set(e, "out of memory");
-        }
-    }
-    if (bayer_to_rgb(rgb.pix, sigma, j->radiance.pix, j->sigma, f->width, f->height, j->opts.bayer, e)) {
-        img_free(&rgb);
-        free(sigma);
-        return -1;
-    }
-    img_free(&j->radiance);
-    free(j->sigma);
-    j->radiance = rgb;
-    j->sigma = sigma;
-    return 0;
 }
 
 static int to_absolute(job *j, errmsg *e)
@@ -286,7 +320,10 @@ static int to_absolute(job *j, errmsg *e)
         for (int k = x; k < x + pw; k++)
             if (j->flags[(size_t)i * (size_t)w + (size_t)k] & (MERGE_CLIPPED | MERGE_BLACK | MERGE_GAP | MERGE_MISSING))
                 return err_set(e, "--calibrate: expected a patch that is neither clipped nor black nor missing, found pixel %d,%d", k, i);
-    j->facts.scale = p[4] / patch_luminance(j->radiance.pix, ch, w, x, y, pw, ph);
+    double weight[3];
+    if (colour_luminance(weight, j->opts.colour))
+        return err_set(e, "--calibrate: expected colours whose luminance is known, found --colour camera");
+    j->facts.scale = p[4] / patch_luminance(j->radiance.pix, ch, w, x, y, pw, ph, weight);
     if (!(j->facts.scale > 1e-30 && j->facts.scale < 1e30))
         return err_set(e, "--calibrate: expected a patch of positive luminance, found a scale of %g", j->facts.scale);
     size_t n = (size_t)w * (size_t)h * (size_t)ch;
@@ -328,8 +365,7 @@ int job_merge(job *j, errmsg *e)
         bad = heal(j, e);
     if (!bad && j->opts.flat)
         bad = flatten(j, e);
-    if (!bad && j->opts.has_bayer)
-        bad = demosaic(j, e);
+    if (!bad) bad = job_develop(j, e);
     if (!bad && j->opts.patch[2] > 0)
         bad = to_absolute(j, e);
     if (!bad)

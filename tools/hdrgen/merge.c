@@ -266,6 +266,14 @@ static float clips_from(const merge *m, const merge_channel *ch, const merge_row
     return y * m->rt[s] / ch->clip;
 }
 
+/* Exposures shorter than this see nothing but noise of the pixel, whose logarithms are too bright by far where a code is a
+ * fraction of the noise (camera raw); the longest one counts in any case.  1/t. */
+static float faint_from(const merge *m, const merge_channel *ch, float clips)
+{
+    float limit = clips * ch->clip / ch->dim;
+    return limit >= m->rt[0] ? limit : INFINITY;
+}
+
 static void debevec_row(const merge *m, const merge_channel *ch, const merge_row *row)
 {
     const int base = (OCTAVES - grid_top_octave) * GRID;
@@ -275,6 +283,7 @@ static void debevec_row(const merge *m, const merge_channel *ch, const merge_row
     for (int i = 0; i < row->count; i++) {
         size_t at = (size_t)i * row->stride, to = (size_t)i * row->out_stride;
         float num = 0, den = 0, scatter = 0, x, sd, clips = clips_from(m, ch, row, codes, i, at);
+        float faint = faint_from(m, ch, clips);
         uint8_t flag = 0, used = 0;
         for (int s = 0; s < m->n; s++) {
             int k = m->order[s];
@@ -284,7 +293,7 @@ static void debevec_row(const merge *m, const merge_channel *ch, const merge_row
                 continue;
             }
             float w = v->w, wy = v->wy;
-            if (codes[s][at] > ch->safe && m->rt[s] < clips)
+            if ((codes[s][at] > ch->safe && m->rt[s] < clips) || m->rt[s] > faint)
                 continue;
             if (row->pedestal && w > 0) {
                 float y = v->y - row->pedestal[at];
@@ -303,7 +312,7 @@ static void debevec_row(const merge *m, const merge_channel *ch, const merge_row
             for (int s = 0; s < m->n; s++) { /* of a mean with these weights and the model's noise */
                 const codeval *v = &ch->code[row->codes[m->order[s]][at]];
                 float one = ch->expect[clamp_cell(cell + m->offset[s])].sd;
-                if (counts(row, i, m->order[s]) && (codes[s][at] <= ch->safe || m->rt[s] >= clips))
+                if (counts(row, i, m->order[s]) && (codes[s][at] <= ch->safe || m->rt[s] >= clips) && m->rt[s] <= faint)
                     scatter += v->w * v->w * one * one;
             }
             sd = x * fminf(sqrtf(scatter) / den, 1);

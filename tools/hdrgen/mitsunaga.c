@@ -28,7 +28,7 @@ static long pair_rows(qrls *q, const samples *s, int c, const double *lnt, const
     double top = s->clip[c];
     for (int i = 0; i < s->n[c]; i++) {
         const uint16_t *z = s->z[c] + (size_t)i * (size_t)s->exposures;
-        for (int k = 1; k < s->exposures; k++) {
+        for (int k = 1; k < s->exposures && !s->out[c][i]; k++) {
             int p = by_time[k - 1], t = by_time[k];
             if (z[p] == 0 || z[t] >= s->max_code || z[p] >= s->max_code || !(lnt[t] > lnt[p]))
                 continue;

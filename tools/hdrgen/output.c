@@ -13,9 +13,14 @@ static const float half_max = 65504, half_full = 6.1e-5f; /* below this half los
 static int fits_half(const float *p, size_t n)
 {
     for (size_t i = 0; i < n; i++)
-        if (p[i] > half_max || (p[i] > 0 && p[i] < half_full))
-            return 0;
+        if (fabsf(p[i]) > half_max || (p[i] > 0 && p[i] < half_full)) return 0;
     return 1;
+}
+
+static const char *last_part(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? slash + 1 : path;
 }
 
 /* The images' names without folders, blanks between, in the order of the times. */
@@ -26,8 +31,7 @@ static char *image_names(const job *j)
         need += strlen(j->shots[k].path) + 1;
     char *all = malloc(need), *at = all;
     for (int k = 0; all && k < j->n; k++) {
-        const char *slash = strrchr(j->shots[k].path, '/'), *name = slash ? slash + 1 : j->shots[k].path;
-        at += sprintf(at, "%s%s", k ? " " : "", name);
+        at += sprintf(at, "%s%s", k ? " " : "", last_part(j->shots[k].path));
     }
     return all;
 }
@@ -49,10 +53,61 @@ static float *alpha_of(const uint8_t *flags, size_t n)
     return a;
 }
 
+/* Seconds, f-number and ISO of each shot (0: not stated), and under their usual names where all have the
+ * same: fishremap chooses a falloff by the f-number.  room: 3 n floats. */
+static int attrs_of_shots(img_attr *to, float *room, const job *j)
+{
+    int n = 0, same_f = 1, same_iso = 1, any_f = 0, any_iso = 0;
+    float *seconds = room, *f = room + j->n, *iso = room + 2 * j->n;
+    for (int k = 0; k < j->n; k++) {
+        const shot *s = &j->shots[k];
+        seconds[k] = (float)s->seconds;
+        f[k] = (float)s->f_number;
+        iso[k] = (float)s->iso;
+        same_f &= s->f_number == j->shots[0].f_number;
+        same_iso &= s->iso == j->shots[0].iso;
+        any_f |= f[k] > 0;
+        any_iso |= iso[k] > 0;
+    }
+    to[n++] = (img_attr){.name = "hdrgen:seconds", .kind = IMG_ATTR_FLOATS, .f = seconds, .n = j->n};
+    if (any_f) to[n++] = (img_attr){.name = "hdrgen:fNumbers", .kind = IMG_ATTR_FLOATS, .f = f, .n = j->n};
+    if (any_iso) to[n++] = (img_attr){.name = "hdrgen:isos", .kind = IMG_ATTR_FLOATS, .f = iso, .n = j->n};
+    if (any_f && same_f)
+        to[n++] = (img_attr){.name = "aperture", .kind = IMG_ATTR_FLOAT, .v = {j->shots[0].f_number}};
+    if (any_iso && same_iso)
+        to[n++] = (img_attr){.name = "isoSpeed", .kind = IMG_ATTR_FLOAT, .v = {j->shots[0].iso}};
+    if (j->facts.develop.orientation != 1)
+        to[n++] =
+            (img_attr){.name = "hdrgen:turnedBy", .kind = IMG_ATTR_INT, .v = {j->facts.develop.orientation}};
+    return n;
+}
+
+/* .hdr names primaries only where they aren't the usual ones: few programs look. */
+static int attrs_of_colours(img_attr *to, float balance[3], const job *j, const char *path)
+{
+    const develop_facts *d = &j->facts.develop;
+    const float *xy = colour_chromaticities(j->opts.colour);
+    size_t len = strlen(path);
+    int n = 0, exr = len > 4 && strcmp(path + len - 4, ".exr") == 0;
+    if (!d->camera) return 0;
+    for (int c = 0; c < 3; c++) balance[c] = (float)d->balance[c];
+    to[n++] = (img_attr){.name = "hdrgen:camera", .kind = IMG_ATTR_STRING, .s = d->camera};
+    to[n++] = (img_attr){.name = "hdrgen:colour", .kind = IMG_ATTR_STRING, .s = colour_name(j->opts.colour)};
+    to[n++] = (img_attr){.name = "hdrgen:whiteBalance", .kind = IMG_ATTR_FLOATS, .f = balance, .n = 3};
+    to[n++] = (img_attr){.name = "hdrgen:whiteBalanceOf",
+                         .kind = IMG_ATTR_STRING,
+                         .s = d->balance_from >= 0 ? last_part(j->shots[d->balance_from].path)
+                              : d->daylight        ? "daylight"
+                                                   : "none"};
+    if (xy && (exr || j->opts.colour != COLOUR_SRGB))
+        to[n++] = (img_attr){.name = "chromaticities", .kind = IMG_ATTR_CHROMATICITIES, .f = xy, .n = 8};
+    return n;
+}
+
 int output_write(const job *j, const output_opts *o, output_type *type_used, errmsg *e)
 {
     static const char *const sigma_names[2][3] = {{"sigma.Y"}, {"sigma.R", "sigma.G", "sigma.B"}};
-    enum { MOST_PLANES = 6, ATTRS = 7 };
+    enum { MOST_PLANES = 6, ATTRS = 24 };
     const img_info *i = &j->radiance.info;
     size_t pixels = (size_t)i->width * (size_t)i->height, ch = (size_t)i->channels;
     img_plane planes[MOST_PLANES];
@@ -60,9 +115,11 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
     float *count = j->count ? bytes_as_floats(j->count, pixels) : NULL;
     float *flags = o->want_flags ? bytes_as_floats(j->flags, pixels) : NULL;
     float *alpha = j->facts.missing ? alpha_of(j->flags, pixels) : NULL;
-    float *times = malloc(sizeof *times * (size_t)j->n), noise[9];
+    float *times = malloc(sizeof *times * (size_t)j->n), noise[9], balance[3];
+    float *seconds = malloc(3 * sizeof *seconds * (size_t)j->n); /* then f-numbers, ISO */
     char *names = image_names(j);
-    if ((j->count && !count) || (j->facts.missing && !alpha) || (o->want_flags && !flags) || !times || !names) {
+    if ((j->count && !count) || (j->facts.missing && !alpha) || (o->want_flags && !flags) || !times ||
+        !seconds || !names) {
         err_set(e, "%s: out of memory", o->path);
         goto done;
     }
@@ -92,6 +149,8 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
         {.name = "hdrgen:scale", .kind = IMG_ATTR_FLOAT, .v = {j->facts.scale}},
     };
     int na = 6;
+    na += attrs_of_shots(attrs + na, seconds, j);
+    na += attrs_of_colours(attrs + na, balance, j, o->path);
     if (j->opts.patch[2] > 0) /* values are W/sr/m2: 179 lm/W is what white 1 is worth */
         attrs[na++] = (img_attr){.name = "whiteLuminance", .kind = IMG_ATTR_FLOAT, .v = {179}};
     img_write_opts w = {.type = *type_used == OUTPUT_HALF ? IMG_HALF : IMG_FLOAT, .compression = o->compression,
@@ -102,6 +161,7 @@ done:
     free(flags);
     free(alpha);
     free(times);
+    free(seconds);
     free(names);
     return code;
 }

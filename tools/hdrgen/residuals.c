@@ -121,7 +121,7 @@ void channel_first_x(channel *h, const response *r, const noise_model *m)
             num += w[z[k]] * (h->y[z[k]] - dark) * h->rt[k];
             den += w[z[k]];
         }
-        h->x[i] = den > 0 && num > 0 ? num / den : 0;
+        h->x[i] = den > 0 && num > 0 && !h->s->out[h->c][i] ? num / den : 0;
     }
     free(w);
 }

@@ -10,20 +10,22 @@
 enum { TRIES = 4 };
 
 int sampler_init(sampler *p, int width, int height, int exposures, int channels, int max_code,
-                 const int *bayer, int with_dark, int wanted, errmsg *e)
+                 const cfa *mosaic, int with_dark, int wanted, errmsg *e)
 {
     memset(p, 0, sizeof *p);
     p->width = width;
     p->height = height;
-    p->bayer = bayer;
-    p->lanes = bayer ? 1 : channels;
+    p->mosaic = mosaic;
+    p->lanes = mosaic ? 1 : channels;
     p->s.exposures = exposures;
     p->s.channels = channels;
     p->s.max_code = max_code;
+    p->s.width = width;
+    p->s.height = height;
+    p->s.mosaic = mosaic != NULL;
     double area = (double)width * height;
     int cell = (int)floor(sqrt(area / wanted));
-    if (bayer && cell < 2)
-        cell = 2;
+    if (mosaic && cell < 2) cell = 2;
     p->cell = cell < 1 ? 1 : cell;
     p->s.cap = ((width + p->cell - 1) / p->cell) * ((height + p->cell - 1) / p->cell);
     for (int c = 0; c < channels; c++) {
@@ -31,7 +33,10 @@ int sampler_init(sampler *p, int width, int height, int exposures, int channels,
         p->s.z[c] = malloc((size_t)p->s.cap * (size_t)exposures * sizeof *p->s.z[c]);
         if (with_dark)
             p->s.dark[c] = malloc((size_t)p->s.cap * sizeof *p->s.dark[c]);
-        if (!p->s.z[c] || (with_dark && !p->s.dark[c])) {
+        p->s.out[c] = calloc((size_t)p->s.cap, 1);
+        p->s.at[c] = malloc((size_t)p->s.cap * sizeof *p->s.at[c]);
+        p->s.steep[c] = malloc((size_t)p->s.cap * sizeof *p->s.steep[c]);
+        if (!p->s.z[c] || !p->s.out[c] || !p->s.at[c] || !p->s.steep[c] || (with_dark && !p->s.dark[c])) {
             samples_free(&p->s);
             return err_set(e, "out of memory for %d sample pixels", p->s.cap);
         }
@@ -45,6 +50,9 @@ void samples_free(samples *s)
         free(s->z[c]);
         free(s->dark[c]);
         free(s->gone[c]);
+        free(s->out[c]);
+        free(s->at[c]);
+        free(s->steep[c]);
     }
     memset(s, 0, sizeof *s);
 }
@@ -63,7 +71,7 @@ static uint32_t hash(uint32_t x, uint32_t y, uint32_t t)
 /* Sum over the exposures of the code's change to the neighbours inside the strip. */
 static long gradient(const sampler *p, const uint16_t *const *codes, int x, int y, int rows)
 {
-    int d = p->bayer ? 2 : 1, step = p->lanes, g = p->lanes == 3 ? 1 : 0;
+    int d = p->mosaic ? p->mosaic->columns : 1, step = p->lanes, g = p->lanes == 3 ? 1 : 0;
     int x0 = x >= d ? x - d : x, x1 = x + d < p->width ? x + d : x;
     int y0 = y >= d ? y - d : y, y1 = y + d < rows ? y + d : y;
     size_t row = (size_t)p->width * (size_t)step;
@@ -91,23 +99,27 @@ static int need_masks(sampler *p, const uint8_t *const *missing, errmsg *e)
 }
 
 static void take(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing, const uint16_t *dark, int x, int y,
-                 int at_y)
+                 int at_y, long slope)
 {
     samples *s = &p->s;
     size_t at = ((size_t)y * (size_t)p->width + (size_t)x) * (size_t)p->lanes;
-    int first = p->bayer ? p->bayer[(at_y & 1) * 2 + (x & 1)] : 0;
+    int first = p->mosaic ? cfa_at(p->mosaic, x, at_y) : 0;
     for (int l = 0; l < p->lanes; l++) {
         int c = first + l;
         if (s->n[c] == s->cap)
             continue;
         if (dark)
             s->dark[c][s->n[c]] = dark[at + (size_t)l];
-        size_t to = (size_t)s->n[c]++ * (size_t)s->exposures;
+        s->at[c][s->n[c]] = (uint32_t)at_y * (uint32_t)p->width + (uint32_t)x;
+        float sum = 1;
+        size_t to = (size_t)s->n[c] * (size_t)s->exposures;
         for (int k = 0; k < s->exposures; k++) {
             s->z[c][to + (size_t)k] = codes[k][at + (size_t)l];
+            sum += codes[k][at + (size_t)l];
             if (missing[k])
                 s->gone[c][to + (size_t)k] = missing[k][(size_t)y * (size_t)p->width + (size_t)x];
         }
+        s->steep[c][s->n[c]++] = (float)slope / sum;
     }
 }
 
@@ -137,7 +149,7 @@ int sampler_strip(sampler *p, const uint16_t *const *codes, const uint8_t *const
                 if (cell == 1)
                     break;
             }
-            take(p, codes, missing, dark, best_x, best_y - y0, best_y);
+            take(p, codes, missing, dark, best_x, best_y - y0, best_y, least);
         }
     }
     return 0;

@@ -5,6 +5,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -110,23 +111,73 @@ done:
     return code;
 }
 
-int shots_resolve(shot *shots, int n, int *varies, errmsg *e)
+/* One of the two numbers that may be missing, as a place in shot. */
+typedef struct fact {
+    size_t at;
+} fact;
+
+static double *value(shot *s, const fact *f)
 {
-    int all_iso = 1, all_f = 1;
-    *varies = 0;
+    return (double *)((char *)s + f->at);
+}
+
+/* *lacks: the first shot without it.  Shots without it get the others', if these agree.  1: they don't agree.
+ */
+static int fill_in(shot *shots, int n, const fact *f, const char **lacks, double *assumed)
+{
+    double one = 0, least = INFINITY, most = 0;
+    *lacks = NULL;
+    for (int i = 0; i < n; i++) {
+        double v = *value(&shots[i], f);
+        if (v > 0) {
+            one = v;
+            least = fmin(least, v);
+            most = fmax(most, v);
+        } else if (!*lacks) {
+            *lacks = shots[i].path;
+        }
+    }
+    if (!(one > 0)) *lacks = NULL; /* nobody states it: a lens without contacts */
+    if (!*lacks) return 0;
+    if (most > least * 1.001) return 1;
+    for (int i = 0; i < n; i++) *value(&shots[i], f) = one;
+    *assumed = one;
+    return 0;
+}
+
+int shots_resolve(shot *shots, int n, int times_given, times_facts *facts, errmsg *e)
+{
+    static const fact iso = {offsetof(shot, iso)}, aperture = {offsetof(shot, f_number)};
+    *facts = (times_facts){0};
     for (int i = 0; i < n; i++) {
         if (!(shots[i].seconds > 0))
             return err_set(e, "%s: expected an exposure time in its EXIF data, found none: give --times", shots[i].path);
         if (!isfinite(shots[i].seconds) || shots[i].seconds < 1e-12 || shots[i].seconds > 1e9)
-            return err_set(e, "%s: expected an exposure time from 1e-12 to 1e9 s, found %g", shots[i].path, shots[i].seconds);
-        all_iso &= shots[i].iso > 0;
-        all_f &= shots[i].f_number > 0;
+            return err_set(e, "%s: expected an exposure time from 1e-12 to 1e9 s, found %g", shots[i].path,
+                           shots[i].seconds);
     }
+    int differ_iso = fill_in(shots, n, &iso, &facts->lacks_iso, &facts->iso_assumed);
+    int differ_f = fill_in(shots, n, &aperture, &facts->lacks_f, &facts->f_assumed);
+    facts->alone = times_given && (differ_iso || differ_f);
+    if ((differ_iso || differ_f) && !times_given)
+        return err_set(
+            e,
+            "%s: expected %s in its EXIF data, since the other images' differ, found none: give --times with "
+            "the exposures as if ISO and f-number were the same",
+            differ_iso ? facts->lacks_iso : facts->lacks_f, differ_iso ? "an ISO" : "an f-number");
     for (int i = 0; i < n; i++) {
-        double gain = all_iso ? shots[i].iso / shots[0].iso : 1;
-        double light = all_f ? pow(shots[0].f_number / shots[i].f_number, 2) : 1;
-        *varies |= gain != 1 || light != 1;
-        shots[i].exposure = shots[i].seconds * gain * light;
+        double gain = shots[i].iso > 0 && !facts->alone ? shots[i].iso : 1;
+        double light =
+            shots[i].f_number > 0 && !facts->alone ? 1 / (shots[i].f_number * shots[i].f_number) : 1;
+        shots[i].exposure = shots[i].seconds * (gain * light);
+        facts->varies |=
+            !facts->alone && (shots[i].iso != shots[0].iso || shots[i].f_number != shots[0].f_number);
     }
     return 0;
+}
+
+void shots_relate(shot *shots, int n)
+{
+    double unit = shots[0].seconds / shots[0].exposure;
+    for (int i = 0; i < n; i++) shots[i].exposure *= unit;
 }
