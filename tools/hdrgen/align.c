@@ -14,6 +14,7 @@ static const double least_corr = 0.3;   /* correlation of two pictures of one sc
 static const double least_gain = 0.5;   /* of the correlation that the motion should win back, see believable() */
 static const double share_per_pixel = 0.01, most_share = 0.25; /* of 1 - correlation that it should win */
 static const double doubt_reach = 0.5;  /* pixels: a motion up to here that is not believed is none */
+static const double like = 0.9;         /* correlation from which on a shot lies well enough as it is */
 static const double least_reach = 0.15; /* pixels: less is not worth an interpolation */
 
 double align_reach(const motion *m, int w, int h)
@@ -66,7 +67,7 @@ static int step(align_shot *out, const align_picture *pictures, const double *ex
     align_shot *s = &out[moved];
     double reach = align_reach(&found.m, w, h);
     int moved_so = believable(&found, reach);
-    s->registered = moved_so || (found.after >= least_corr && reach <= doubt_reach);
+    s->registered = moved_so || (found.after >= least_corr && reach <= doubt_reach) || found.before >= like;
     s->before = found.before;
     s->after = moved_so ? found.after : found.before;
     s->m = moved_so ? motion_chain(out[rest].m, found.m) : out[rest].m;
