@@ -42,7 +42,7 @@ endif
 endif
 , := ,
 SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
-CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
+CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Icommon/vision -Iilfmat -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
 CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) $(OPENMP) -MMD -MP
 CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow $(WERROR) $(SANFLAGS) -MMD -MP
 LDFLAGS    += $(SANFLAGS) $(OPENMP) -Wl,--as-needed

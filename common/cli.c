@@ -118,6 +118,7 @@ static void take(const cli_opt *o, const char *value)
         *(const char **)o->dest = value;
         break;
     case CLI_CALL:
+    case CLI_MAYBE:
         rc = o->call(value, o->dest, &e);
         break;
     }
@@ -132,6 +133,10 @@ static int long_option(const char *arg, const char *next)
     if (o->kind == CLI_FLAG) {
         if (eq) cli_fail(CLI_USAGE, "option --%s takes no value, found '%s'", o->name, eq + 1);
         take(o, NULL);
+        return 0;
+    }
+    if (o->kind == CLI_MAYBE) {
+        take(o, eq ? eq + 1 : NULL);
         return 0;
     }
     if (!eq && !next)

@@ -22,7 +22,8 @@ typedef enum cli_kind {
     CLI_INT,    /* dest: int *; whole number */
     CLI_DOUBLE, /* dest: double *; finite number */
     CLI_STRING, /* dest: const char **; points into argv */
-    CLI_CALL    /* dest: cli_call_fn; for values with a syntax of their own */
+    CLI_CALL,   /* dest: cli_call_fn; for values with a syntax of their own */
+    CLI_MAYBE   /* as CLI_CALL, but the value may be left out (NULL then): only --name=VALUE has one */
 } cli_kind;
 
 /* Take the value of one option.  Return 0, or -1 with words in e ("expected X, found Y"). */
@@ -32,8 +33,8 @@ typedef struct cli_opt {
     const char *name;    /* long name without dashes; NULL ends the table */
     char letter;         /* short form, or 0 */
     cli_kind kind;
-    void *dest;          /* as the kind says; for CLI_CALL what the function gets as arg */
-    cli_call_fn *call;   /* CLI_CALL only */
+    void *dest;          /* as the kind says; for CLI_CALL and CLI_MAYBE what the function gets as arg */
+    cli_call_fn *call;   /* CLI_CALL and CLI_MAYBE only */
     const char *metavar; /* value's name in --help, NULL for CLI_FLAG */
     const char *help;    /* running text, filled to the terminal's width; unit and default included */
 } cli_opt;

@@ -130,6 +130,7 @@ static int left_part(char *buf, size_t size, const cli_opt *o)
 {
     char letter[8] = "    ";
     if (o->letter) snprintf(letter, sizeof letter, "-%c, ", o->letter);
+    if (o->kind == CLI_MAYBE) return snprintf(buf, size, "  %s--%s[=%s]", letter, o->name, o->metavar);
     return snprintf(buf, size, "  %s--%s%s%s", letter, o->name, o->metavar ? " " : "",
                     o->metavar ? o->metavar : "");
 }

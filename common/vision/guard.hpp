@@ -10,16 +10,18 @@
 #include <opencv2/core.hpp>
 
 extern "C" {
+#include "cli.h"
 #include "errmsg.h"
 }
 
 namespace vision {
 
 // Runs work() (which returns 0, or -1 with *e set); what it throws ends as -1 with words.
-// `what` names the job in the message.
+// `what` names the job in the message.  OpenCV's threads are as many as --threads says.
 template <typename Work> int guarded(errmsg *e, const char *what, Work work)
 {
     try {
+        if (cli_threads > 0) cv::setNumThreads(cli_threads);
         return work();
     } catch (const std::bad_alloc &) {
         return err_set(e, "%s: out of memory", what);

@@ -3,6 +3,7 @@
  */
 #include "frames.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,7 +23,7 @@ typedef struct frame {
     uint16_t *kept16;
     uint8_t *gone, *kept_gone; /* mask of the strip and of the whole picture, or NULL: nothing can be missing */
     int64_t present;           /* pixels so far that are not missing */
-    FILE *spool;
+    FILE *spool, *spool_gone; /* codes, mask */
     int failed;
     errmsg why;
 } frame;
@@ -75,6 +76,8 @@ void frames_close(frames *f)
         free(p->kept_gone);
         if (p->spool)
             fclose(p->spool);
+        if (p->spool_gone)
+            fclose(p->spool_gone);
     }
     free(f->f);
     free(f);
@@ -326,7 +329,9 @@ static int fetch(frames *f, frame *p, int y, int rows)
     if (f->have_all && p->kept16)
         return 0; /* frames_next points into kept16 */
     if (p->spool) {
-        if (fread(p->strip, sizeof *p->strip, all, p->spool) != all)
+        size_t pixels = (size_t)rows * (size_t)f->facts.width;
+        if (fread(p->strip, sizeof *p->strip, all, p->spool) != all ||
+            (p->spool_gone && fread(p->gone, 1, pixels, p->spool_gone) != pixels))
             return err_errno(&p->why, "%s: temporary file", p->path);
         for (size_t i = 0; i < all; i++)
             if (p->strip[i] > f->facts.max_code) p->strip[i] = (uint16_t)f->facts.max_code;
@@ -354,7 +359,7 @@ int frames_rewind(frames *f, errmsg *e)
     for (int k = 0; k < f->facts.n && f->y > 0 && !f->have_all; k++) {
         frame *p = &f->f[k];
         if (p->spool) {
-            if (fseeko(p->spool, 0, SEEK_SET))
+            if (fseeko(p->spool, 0, SEEK_SET) || (p->spool_gone && fseeko(p->spool_gone, 0, SEEK_SET)))
                 return err_errno(e, "%s: temporary file", p->path);
         } else {
             img_reader_close(p->r);
@@ -368,9 +373,105 @@ int frames_rewind(frames *f, errmsg *e)
             f->f[k].r = NULL;
         }
     for (int k = 0; k < f->facts.n && !f->have_all; k++)
-        f->f[k].present = 0;
+        if (!f->f[k].spool_gone) /* those were counted when they were moved */
+            f->f[k].present = 0;
     f->y = 0;
     return 0;
+}
+
+/* ---- moving one exposure ---------------------------------------------------------------------- */
+
+/* All codes of exposure p, and its mask where it has one. */
+static int whole(frames *f, frame *p, uint16_t *codes, uint8_t *gone)
+{
+    size_t n = row_codes(f), w = (size_t)f->facts.width, h = (size_t)f->facts.height;
+    if (f->have_all && (p->kept8 || p->kept16)) {
+        for (size_t i = 0; i < n * h; i++) codes[i] = p->kept8 ? p->kept8[i] : p->kept16[i];
+        if (p->kept_gone) memcpy(gone, p->kept_gone, w * h);
+        return 0;
+    }
+    if (p->spool)
+        return fread(codes, sizeof *codes, n * h, p->spool) == n * h
+                   ? 0 : err_errno(&p->why, "%s: temporary file", p->path);
+    for (size_t y = 0; y < h; y++) {
+        if (img_reader_rows(p->r, p->rows, 1, &p->why)) return -1;
+        to_codes(f, p, codes + y * n, p->gone ? gone + y * w : NULL);
+    }
+    return 0;
+}
+
+/* What was missing before: a pixel interpolated from such a one is missing, too. */
+static void spread_missing(uint8_t *seen, const uint8_t *gone, const motion *m, int w, int h)
+{
+    for (int y = 0; y < h; y++)
+        for (int x = 0; x < w; x++) {
+            double mx, my;
+            motion_apply(m, x, y, &mx, &my);
+            for (int corner = 0; corner < 4; corner++) {
+                double cx = floor(mx) + (corner & 1), cy = floor(my) + (corner >> 1);
+                if (cx >= 0 && cy >= 0 && cx < w && cy < h && gone[(size_t)cy * (size_t)w + (size_t)cx])
+                    seen[(size_t)y * (size_t)w + (size_t)x] = 0;
+            }
+        }
+}
+
+static int spool_whole(FILE **to, const void *bytes, size_t n, const char *path, errmsg *e)
+{
+    if (*to) fclose(*to);
+    *to = tmpfile();
+    if (!*to || fwrite(bytes, 1, n, *to) != n || fflush(*to) || fseeko(*to, 0, SEEK_SET))
+        return err_errno(e, "%s: temporary file", path);
+    return 0;
+}
+
+/* Moved codes and mask to where the strips will come from. */
+static int put_back(frames *f, frame *p, const uint16_t *codes, const uint8_t *gone, errmsg *e)
+{
+    size_t all = row_codes(f) * (size_t)f->facts.height;
+    size_t w = (size_t)f->facts.width, pixels = w * (size_t)f->facts.height;
+    if (!p->gone) p->gone = malloc(w * (size_t)f->strip_rows);
+    if (!p->gone) return err_set(e, "%s: out of memory", p->path);
+    p->present = 0;
+    for (size_t i = 0; i < pixels; i++) p->present += !gone[i];
+    if (!f->have_all)
+        return spool_whole(&p->spool, codes, all * sizeof *codes, p->path, e) ||
+               spool_whole(&p->spool_gone, gone, pixels, p->path, e) ? -1 : 0;
+    if (!p->kept_gone) p->kept_gone = malloc(pixels);
+    if (!p->kept_gone) return err_set(e, "%s: out of memory", p->path);
+    memcpy(p->kept_gone, gone, pixels);
+    for (size_t i = 0; i < all; i++) {
+        if (p->kept8)
+            p->kept8[i] = (uint8_t)codes[i];
+        else
+            p->kept16[i] = codes[i];
+    }
+    return 0;
+}
+
+int frames_move(frames *f, int k, const motion *m, const warp_opts *o, errmsg *e)
+{
+    frame *p = &f->f[k];
+    int w = f->facts.width, h = f->facts.height, ch = f->facts.channels;
+    size_t pixels = (size_t)w * (size_t)h, all = pixels * (size_t)ch;
+    uint16_t *codes = malloc(all * sizeof *codes), *moved = malloc(all * sizeof *moved);
+    uint8_t *gone = calloc(pixels, 1), *seen = malloc(pixels);
+    int bad = codes && moved && gone && seen ? 0 : err_set(e, "%s: out of memory for %dx%d pixels", p->path, w, h);
+    if (!bad && whole(f, p, codes, gone)) {
+        *e = p->why;
+        bad = -1;
+    }
+    if (!bad) bad = vision_warp(moved, seen, codes, m, o, e);
+    if (!bad && memchr(gone, 1, pixels)) spread_missing(seen, gone, m, w, h);
+    for (size_t i = 0; i < pixels && !bad; i++) {
+        gone[i] = !seen[i];
+        for (int c = 0; c < ch && gone[i]; c++) moved[i * (size_t)ch + (size_t)c] = (uint16_t)f->facts.max_code;
+    }
+    free(codes);
+    if (!bad) bad = put_back(f, p, moved, gone, e);
+    free(moved);
+    free(gone);
+    free(seen);
+    return bad;
 }
 
 /* The strip's mask where something in it is missing, else NULL. */

@@ -17,6 +17,7 @@
 #include "errmsg.h"
 #include "image.h"
 #include "sensor.h"
+#include "warp.h"
 
 typedef struct frames frames;
 
@@ -51,6 +52,10 @@ int frames_strip_rows(const frames *f);
 
 /* Start again from the top. */
 int frames_rewind(frames *f, errmsg *e);
+
+/* From now on exposure k is what it shows at motion_apply(m, x, y), interpolated (warp.h); pixels that lie outside it,
+ * or beside one of its missing ones, are missing.  Between frames_rewind and the first strip; once per exposure. */
+int frames_move(frames *f, int k, const motion *m, const warp_opts *o, errmsg *e);
 
 /* The next strip: codes[k] points at its first row in exposure k (width*channels per row), missing[k] at the mask
  * (width per row) or is NULL where the strip has all its pixels; valid until the next call.  Missing pixels' codes are

@@ -143,6 +143,20 @@ static int take_type(const char *v, void *arg, errmsg *e)
     return 0;
 }
 
+static int take_align(const char *v, void *arg, errmsg *e)
+{
+    job_opts *o = arg;
+    if (!v || strcmp(v, "always") == 0)
+        o->align = ALIGN_ALWAYS;
+    else if (strcmp(v, "auto") == 0)
+        o->align = ALIGN_AUTO;
+    else if (strcmp(v, "never") == 0)
+        o->align = ALIGN_NEVER;
+    else
+        return err_set(e, "expected auto, always or never, found \"%s\"", v);
+    return 0;
+}
+
 static const cli_opt options[] = {
     {"output", 'o', CLI_STRING, &set.out.path, NULL, "OUT",
      "radiance: .exr or .hdr, \"-\" for .hdr on standard output"},
@@ -162,6 +176,9 @@ static const cli_opt options[] = {
      "read noise in electrons, with --gain (default: estimated)"},
     {"refine-times", 0, CLI_FLAG, &set.job.refine_times, NULL, NULL,
      "estimate the times from the overlap; the middle one is held"},
+    {"align", 0, CLI_MAYBE, &set.job, take_align, "WHEN",
+     "put hand-held shots over the middle one: always (the default of --align; what can't be registered is "
+     "refused), auto (move what is better for it), never (the default)"},
     {"deghost", 0, CLI_FLAG, &set.job.deghost, NULL, NULL,
      "leave out samples that contradict the other exposures"},
     {"sigma", 0, CLI_FLAG, &set.job.want_sigma, NULL, NULL,
@@ -240,8 +257,8 @@ static void report(const job *j)
     const contradict_facts *d = &j->facts.contradict;
     fprintf(stderr, "neighbouring exposures differ by %.3f stops rms, %.3g %% of pixels by more than a quarter, cause %d\n", d->stops,
             100 * d->share, (int)d->cause);
-    fprintf(stderr, "CPU s: reading %.3f, recovering %.3f, merging %.3f\n", j->facts.read_s,
-            j->facts.recover_s, j->facts.merge_s);
+    fprintf(stderr, "CPU s: reading %.3f, aligning %.3f, recovering %.3f, merging %.3f\n", j->facts.read_s,
+            j->facts.align_s, j->facts.recover_s, j->facts.merge_s);
 }
 
 static void report_times(const job *j)
@@ -249,6 +266,23 @@ static void report_times(const job *j)
     for (int k = 0; k < j->n; k++)
         cli_note("%s: %.6g s, refined %.6g s (%+.2f %%)", j->shots[k].path, j->shots[k].exposure, j->exposure[k],
                  100 * (j->exposure[k] / j->shots[k].exposure - 1));
+}
+
+static void report_motions(const job *j)
+{
+    const frames_facts *f = frames_get_facts(j->frames);
+    for (int k = 0; k < j->n; k++) {
+        const align_shot *a = &j->align[k];
+        if (k == j->n / 2)
+            cli_note("%s: the others are put over this one", j->shots[k].path);
+        else if (!a->registered)
+            cli_warn("%s: can't be registered against its neighbour (correlation %.2f): left where that one is",
+                     j->shots[k].path, a->after);
+        else
+            cli_note("%s: %s by up to %.2f pixels, %+.3f degrees; correlation with its neighbour %.4f, %.4f without",
+                     j->shots[k].path, a->moves ? "moved" : "not moved: off", align_reach(&a->m, f->width, f->height),
+                     a->m.angle * 180 / acos(-1), a->after, a->before);
+    }
 }
 
 static void note_pixels(long n, const job *j, const char *what)
@@ -325,6 +359,8 @@ static void summary(const job *j)
         cli_warn("%s: the codes of this series end at %d, where files of this kind end at %d: if that is where the camera clips, give --bits %d",
                  j->shots[0].path, (1 << j->facts.bits_used) - 1, frames_get_facts(j->frames)->max_code, j->facts.bits_used);
     note_white(j);
+    if (j->align)
+        report_motions(j);
     notes_colours(j);
     note_pixels(j->facts.clipped, j, "clipped in every exposure: lower bound");
     note_pixels(j->facts.black, j, "black in every exposure: upper bound");
@@ -354,6 +390,9 @@ static void check_usage(int images)
         cli_fail(CLI_USAGE, "--read-noise: expected electrons, 0 or more, found %g", o->read_noise);
     if (o->read_noise >= 0 && !(o->gain > 0))
         cli_fail(CLI_USAGE, "--read-noise: expected --gain with it, found none");
+    if (o->align != ALIGN_NEVER && (o->dark || o->hot || o->flat))
+        cli_fail(CLI_USAGE, "--align: expected neither --dark, --hot nor --flat with it (they belong to the sensor's pixels), found %s",
+                 o->dark ? "--dark" : o->hot ? "--hot" : "--flat");
     size_t n = strlen(set.out.path);
     const char *end = n > 4 ? set.out.path + n - 4 : "";
     int exr = strcmp(end, ".exr") == 0;

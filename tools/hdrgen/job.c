@@ -26,6 +26,11 @@ int job_channels(const job *j)
     return j->mosaic ? 3 : frames_get_facts(j->frames)->channels;
 }
 
+int job_linear_codes(const job *j)
+{
+    return j->opts.response == RESPONSE_LINEAR || (j->opts.response == RESPONSE_AUTO && frames_get_facts(j->frames)->raw);
+}
+
 static int earlier(const shot *a, const shot *b)
 {
     return a->exposure < b->exposure || (a->exposure == b->exposure && strcmp(a->path, b->path) < 0);
@@ -312,6 +317,11 @@ int job_calibrate(job *j, errmsg *e)
         lnt[k] = log(j->exposure[k]);
     if (collect_samples(j, e))
         goto done;
+    if (j->opts.align != ALIGN_NEVER && j->n > 1) {
+        samples_free(&j->samples);
+        if (job_align(j, e) || collect_samples(j, e))
+            goto done;
+    }
     double t0 = job_cpu_s();
     if (check_stated(j, e) || first_response(j, lnt, e)) goto done;
     memcpy(j->response.clip, j->facts.clip, sizeof j->response.clip);
@@ -354,6 +364,7 @@ void job_close(job *j)
     response_free(&j->response);
     samples_free(&j->samples);
     free(j->exposure);
+    free(j->align);
     free(j->dark);
     img_free(&j->radiance);
     free(j->sigma);

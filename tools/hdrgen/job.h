@@ -4,6 +4,7 @@
 #ifndef HDRGEN_JOB_H
 #define HDRGEN_JOB_H
 
+#include "align.h"
 #include "calibrate.h"
 #include "cfa.h"
 #include "colour.h"
@@ -46,6 +47,7 @@ typedef struct job_opts {
     double circle[3];        /* what counts as clipped or black lies in it: x, y (< 0: the middle), radius in pixels, or (with x < 0) over half the shorter side; radius 0: all */
     const char *dark, *flat, *hot; /* files or NULL */
     double patch[5];         /* x, y, w, h, cd/m2; w = 0: none */
+    align_mode align;
     int64_t memory;          /* bytes of codes kept between the passes */
 } job_opts;
 
@@ -76,7 +78,7 @@ typedef struct job_facts {
     long clipped, black, gap, ghosts, missing, healed; /* pixels (any channel) */
     long counted;          /* pixels that those are of */
     double scale;          /* radiance was multiplied by this (--calibrate) */
-    double read_s, recover_s, merge_s; /* CPU seconds */
+    double read_s, align_s, recover_s, merge_s; /* CPU seconds */
 } job_facts;
 
 typedef struct job {
@@ -89,6 +91,7 @@ typedef struct job {
     noise_model noise[RESPONSE_MAX_CHANNELS];
     samples samples;      /* kept for the plot */
     double *exposure;     /* [n], like shots; refined where asked for */
+    align_shot *align;    /* [n], like shots, in the pictures' own pixels; NULL: not asked for */
     uint16_t *dark;       /* dark frame's codes, like one exposure, or NULL */
     img radiance;
     float *sigma;         /* like radiance.pix, or NULL */
@@ -105,6 +108,13 @@ int job_calibrate(job *j, errmsg *e);
 
 /* Merge all rows into j->radiance, and finish it (hot pixels, flat field, Bayer, scale). */
 int job_merge(job *j, errmsg *e);
+
+/* Find how the shots have moved and put them over the middle one; the frames are at their top before and after, the
+ * clip levels known.  Called by job_calibrate where job_opts.align asks for it. */
+int job_align(job *j, errmsg *e);
+
+/* Codes are proportional to light. */
+int job_linear_codes(const job *j);
 
 void job_close(job *j);
 
