@@ -10,8 +10,8 @@
 #include <opencv2/core.hpp>
 
 extern "C" {
-#include "cli.h"
 #include "errmsg.h"
+extern int cli_threads; // cli.h, which is C11
 }
 
 namespace vision {
