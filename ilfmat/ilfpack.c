@@ -60,6 +60,7 @@ static const cli_prog prog = {
 typedef struct probe_facts {
     double polar_max, polar_valid, white_luminance; /* 0: not stated */
     char owner[256], cap_date[64];
+    int panorama_like; /* twice as wide as high, and the header does not say that it is a probe */
 } probe_facts;
 
 static img_reader *open_probe(const char *path)
@@ -92,7 +93,8 @@ static probe_facts read_facts(img_reader *r, const char *path)
 
     (void)img_reader_fact(r, "owner", f.owner, sizeof f.owner);
     (void)img_reader_fact(r, "capDate", f.cap_date, sizeof f.cap_date);
-    if (img_reader_fact(r, "ilf:chart", kind, sizeof kind) && strcmp(kind, "probe") != 0)
+    const int chart = img_reader_fact(r, "ilf:chart", kind, sizeof kind);
+    if (chart && strcmp(kind, "probe") != 0)
         cli_fail(CLI_FAILED,
                  "%s: expected a probe, found a picture whose header says %.40s (fishremap --from %.40s "
                  "makes a probe of it)",
@@ -108,6 +110,8 @@ static probe_facts read_facts(img_reader *r, const char *path)
     if (img_reader_info(r)->panorama && f.polar_max <= 0)
         cli_note("%s: packed as a probe although its header says that it is an equirectangular panorama",
                  path);
+    const img_info *in = img_reader_info(r);
+    f.panorama_like = !chart && f.polar_max <= 0 && !in->panorama && in->width == 2 * in->height;
     return f;
 }
 
@@ -298,6 +302,10 @@ static probe_facts read_all_facts(char *const *paths, int n)
         const probe_facts f = read_facts(r, paths[k]);
         img_reader_close(r);
         if (k == 0) first = f;
+        if (k == 0 && f.panorama_like)
+            cli_note("%s: its header does not say what it is: taken for a probe, the normal along its upper edge, %.4g degrees from "
+                     "it at the lower one (a panorama would come out mirrored: fishremap --from latlong makes a probe of it)",
+                     paths[0], polar_max_deg > 0 ? polar_max_deg : 90.);
         const double want = first.polar_max > 0 ? first.polar_max : PI / 2;
         if (polar_max_deg <= 0 && f.polar_max > 0 && fabs(f.polar_max - want) > 1e-4)
             cli_fail(CLI_FAILED, "%s: expected ilf:polarMax %.6g as in %s, found %.6g", paths[k], want,
