@@ -78,8 +78,8 @@ int input_load(img *im, int *all_good, const settings *s, errmsg *e)
     return 0;
 }
 
-/* A disc's place in the picture: given, from the lens file's camera, or the largest that fits. */
-static int place_disc(double *cx, double *cy, double *r, const settings *s, const lens *l, const img *im, errmsg *e)
+/* A disc's place in the picture: given, from the lens file's camera, found (then *how says how well), or the largest that fits. */
+static int place_disc(double *cx, double *cy, double *r, circle_found *how, const settings *s, const lens *l, const img *im, errmsg *e)
 {
     int w = im->info.width, h = im->info.height;
     *cx = s->have_centre ? s->centre[0] : l->focal_px > 0 ? l->centre_px[0] : w / 2.;
@@ -88,7 +88,9 @@ static int place_disc(double *cx, double *cy, double *r, const settings *s, cons
     if (s->centre_auto) {
         circle_found f;
         double known = s->radius > 0 || l->focal_px > 0 ? *r : 0;
-        if (circle_find(&f, im->pix, w, h, s->from == VIEW_BALL ? CIRCLE_BALL : CIRCLE_LENS, known, e)) return -1;
+        errmsg why;
+        if (circle_find(&f, im->pix, w, h, s->from == VIEW_BALL ? CIRCLE_BALL : CIRCLE_LENS, known, &why)) return err_set(e, "%s: %s", s->in, why.text);
+        *how = f;
         *cx = f.x, *cy = f.y;
         if (known == 0) *r = f.r;
     }
@@ -99,7 +101,7 @@ static int place_disc(double *cx, double *cy, double *r, const settings *s, cons
     return 0;
 }
 
-static int make_disc(chart *c, const settings *s, view_kind kind, const img *im, int w, int h, int mirror, errmsg *e)
+static int make_disc(chart *c, circle_found *how, const settings *s, view_kind kind, const img *im, int w, int h, int mirror, errmsg *e)
 {
     lens l;
     double cx = w / 2., cy = h / 2., r = (w < h ? w : h) / 2.;
@@ -113,21 +115,21 @@ static int make_disc(chart *c, const settings *s, view_kind kind, const img *im,
     } else if (lens_read(&l, s->lens, s->fov_deg, e)) {
         return -1;
     }
-    if (im && place_disc(&cx, &cy, &r, s, &l, im, e)) return -1;
+    if (im && place_disc(&cx, &cy, &r, how, s, &l, im, e)) return -1;
     chart_disc(c, w, h, &l, cx, cy, r, mirror, s->rotate_deg * DEG, s->tilt_deg * DEG, s->tilt_to_deg * DEG);
     return 0;
 }
 
 /* The chart of the input im, or of the output (im NULL).  The camera's turn and tilt belong to
  * whichever side is a camera's picture. */
-static int make_chart(chart *c, const settings *s, view_kind kind, const img *im, int mirror, errmsg *e)
+static int make_chart(chart *c, circle_found *how, const settings *s, view_kind kind, const img *im, int mirror, errmsg *e)
 {
     int w = im ? im->info.width : s->out_w, h = im ? im->info.height : s->out_h;
     double polar = (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG;
     switch (kind) {
     case VIEW_PROBE: chart_probe(c, w, h, polar); return 0;
     case VIEW_LATLONG: chart_latlong(c, w, h, s->span_deg * DEG, mirror); return 0;
-    default: return make_disc(c, s, kind, im, w, h, mirror, e);
+    default: return make_disc(c, how, s, kind, im, w, h, mirror, e);
     }
 }
 
@@ -299,8 +301,8 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
     int rc = -1, partial, all_good, mirror = s->from == VIEW_BALL || s->to == VIEW_BALL;
     float *rgb = NULL, *alpha = NULL;
     if (input_load(&im, &all_good, s, e)) return -1;
-    if (make_chart(&src, s, s->from, &im, mirror, e)) goto done;
-    if (make_chart(&dst, s, s->to, NULL, mirror, e)) goto done;
+    if (make_chart(&src, &o->circle, s, s->from, &im, mirror, e)) goto done;
+    if (make_chart(&dst, NULL, s, s->to, NULL, mirror, e)) goto done;
     if (s->overlay) {
         sphere_seen rim = {src.cx, src.cy, src.radius};
         if (overlay_write(s->overlay, &im, &rim, src.kind == CHART_DISC, e)) goto done;

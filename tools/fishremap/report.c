@@ -15,6 +15,10 @@ int report_write(const char *path, const outcome *o, errmsg *e)
     fprintf(f, "{\n \"bad_pixels\": %lld,\n \"covered\": %.9g,\n", (long long)o->bad_pixels, o->covered);
     fprintf(f, " \"cpu_s\": {\"plan\": %.6f, \"prepare\": %.6f, \"remap\": %.6f}", o->cpu_plan_s, o->cpu_prepare_s, o->cpu_remap_s);
     if (o->radius > 0) fprintf(f, ",\n \"centre\": [%.4f, %.4f],\n \"radius\": %.4f", o->cx, o->cy, o->radius);
+    const circle_found *c = &o->circle;
+    if (c->r > 0)
+        fprintf(f, ",\n \"circle\": {\"rim_seen\": %.4f, \"in_picture\": %.4f, \"rms_px\": %.3f, \"contrast\": %.4f, \"strength\": %.4f, \"margin\": %.4f}",
+                c->share, c->seen, c->rms, c->contrast, c->strength, c->margin);
     if (o->spheres_from) fprintf(f, ",\n \"spheres_from\": \"%s\"", o->spheres_from);
     if (o->rims_seen) fprintf(f, ",\n \"rims_seen\": %d,\n \"rims_rms_px\": %.3f", o->rims_seen, o->rims_rms);
     if (o->nspheres) {
