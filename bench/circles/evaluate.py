@@ -58,9 +58,9 @@ def variants(im, circle):
 
 
 def ask(program, view, path, folder):
-    report = folder / (path.stem + ".json")
+    report = folder / f"{path.stem}_{view}.json"
     args = ["--from", "ball"] if view == "ball" else ["--lens", "equidistant", "--fov", "180"]
-    p = subprocess.run([program, *args, "--centre", "auto", "--size", "8x4", "--report", report, "-o", folder / (path.stem + ".exr"), path],
+    p = subprocess.run([program, *args, "--centre", "auto", "--size", "8x4", "--report", report, "-o", report.with_suffix(".exr"), path],
                        capture_output=True, text=True)
     if p.returncode == 1:
         return None, p.stderr.strip()
@@ -75,6 +75,7 @@ def main():
     a.add_argument("list")
     a.add_argument("--build", default=str(TOP / "build"))
     a.add_argument("--only", default="")
+    a.add_argument("--variants", help="only these, separated by commas (600, crop_l, blur2, jpeg60, ...)")
     a.add_argument("--jobs", type=int, default=2)
     a.add_argument("--verbose", action="store_true")
     a.add_argument("--keep", help="where the variants are, or are put, to be used again")
@@ -99,6 +100,8 @@ def main():
             done.write_text(json.dumps(made))
         rows = []
         for name, file, circle in json.loads(done.read_text()):
+            if a.variants and name not in a.variants.split(","):
+                continue
             found, words = ask(program, e["view"], keep / file, Path(scratch.name))
             if found is None:
                 verdict = "refused"

@@ -17,7 +17,7 @@
 /* What is not refused; measured on photographs with bench/circles/evaluate.py */
 #define MOST_OUTSIDE 0.22 /* rings around it: it lies inside of something round */
 #define LEAST_SEEN 0.4    /* of the circumference in the picture */
-#define LEAST_MARGIN 0.2  /* over another circle */
+#define LEAST_MARGIN 0.12 /* over another circle */
 
 
 static int by_value(const void *a, const void *b)
@@ -64,7 +64,7 @@ static int fitting_level(double c[3], int at, const rim_pyramid *p)
  * outside of it (a reflection's circle inside of a ball has the rest of the ball around it, squeezed into rings). */
 static double strength(const rim_fit *t)
 {
-    return t->share * sqrt(t->seen) * fmax(t->along - fmax(t->outside, 0), 0.001);
+    return fmax(sqrt(t->share * fmax(t->along, 0)) - fmax(t->outside, 0), 0.001) * sqrt(t->seen);
 }
 
 /* A circle that has been looked at. */
@@ -141,7 +141,7 @@ static void settle(circle_found *f, const judged *best, const rim_level *fine, i
 /* The least strength of a rim that is believed.  Small circles are many, and some look like rims by chance. */
 static double least(const rim_fit *t)
 {
-    return 0.62 + 0.2 * fmax(0, 1 - t->r / 50);
+    return 0.58 + 0.24 * fmax(0, 1 - t->r / 50);
 }
 
 int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kind, double radius, errmsg *e)

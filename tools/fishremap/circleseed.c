@@ -13,6 +13,7 @@
 #define KEPT 40       /* of every circle on the smallest copy */
 #define VOTED 160     /* of the votes */
 #define HOUGH 24      /* of OpenCV's */
+#define MIDDLES 8     /* circles about the picture's middle */
 #define EDGE 0.02f    /* log units per pixel: below, a gradient is noise */
 #define MIDDLE 640    /* pixels, longer side of the level that the edges vote on */
 #define PAD 0.35      /* of the radius: how far outside of the picture a centre may lie */
@@ -28,7 +29,7 @@ static void keep(seedlist *l, const circle_seed *c, double apart)
     int worst = 0;
     for (int k = 0; k < l->n; k++) {
         const circle_seed *o = &l->s[k];
-        if (fabs(o->c[0] - c->c[0]) + fabs(o->c[1] - c->c[1]) + fabs(o->c[2] - c->c[2]) < apart) {
+        if (o->placed == c->placed && fabs(o->c[0] - c->c[0]) + fabs(o->c[1] - c->c[1]) + fabs(o->c[2] - c->c[2]) < apart) {
             if (c->score > o->score) l->s[k] = *c;
             return;
         }
@@ -48,8 +49,15 @@ static void all_circles(seedlist *out, const rim_pyramid *p, circle_kind kind, d
         for (double y = -PAD * r; y <= l->h + PAD * r; y += 1)
             for (double x = -PAD * r; x <= l->w + PAD * r; x += 1) {
                 double s = rim_score(l, kind, x, y, r) * pow(r / (l->w + l->h), 0.25);
-                if (s > 0.02) keep(out, &(circle_seed){{x, y, r}, at, s}, 3);
+                if (s > 0.02) keep(out, &(circle_seed){{x, y, r}, at, s, 0}, 3);
             }
+}
+
+/* Who cuts a picture to the ball, or fills the frame with the image circle, puts it in the middle. */
+static void middle_circles(seedlist *out, const rim_level *l, int at, circle_kind kind, double r1)
+{
+    for (double r = 0.5 * fmin(l->w, l->h), f = 1; f > 0.85 && r <= r1; f -= 0.03)
+        keep(out, &(circle_seed){{0.5 * l->w, 0.5 * l->h, f * r}, at, rim_score(l, kind, 0.5 * l->w, 0.5 * l->h, f * r), 1}, 1);
 }
 
 typedef struct edge {
@@ -98,7 +106,7 @@ static int votes_for(seedlist *out, const edge *e, int n, const rim_level *l, in
             }
             double share = (double)sum / (2 * M_PI * r);
             if (!top || share < 0.2) continue;
-            circle_seed s = {{(i - 0.5) * cell - pad, (j - 0.5) * cell - pad, r}, at, share * pow(r / (l->w + l->h), 0.25)};
+            circle_seed s = {{(i - 0.5) * cell - pad, (j - 0.5) * cell - pad, r}, at, share * pow(r / (l->w + l->h), 0.25), 0};
             keep(out, &s, 0.1 * r);
         }
     free(a);
@@ -118,7 +126,7 @@ static int hough(seedlist *out, const rim_level *l, int at, circle_kind kind, do
 {
     vision_circle c[HOUGH];
     int n = vision_circles(c, HOUGH, l->g, l->w, l->h, fmax(r0, 3), r1, e);
-    for (int k = 0; k < n; k++) keep(out, &(circle_seed){{c[k].x, c[k].y, c[k].r}, at, rim_score(l, kind, c[k].x, c[k].y, c[k].r)}, 2);
+    for (int k = 0; k < n; k++) keep(out, &(circle_seed){{c[k].x, c[k].y, c[k].r}, at, rim_score(l, kind, c[k].x, c[k].y, c[k].r), 0}, 2);
     return n < 0 ? -1 : 0;
 }
 
@@ -159,29 +167,31 @@ static int by_score(const void *a, const void *b)
 
 int circle_seeds(circle_seed *s, int room, const rim_pyramid *p, circle_kind kind, double r0, double r1, errmsg *e)
 {
-    circle_seed all[KEPT], by_votes[VOTED], by_hough[HOUGH];
-    seedlist list[3] = {{all, 0, KEPT}, {by_votes, 0, VOTED}, {by_hough, 0, HOUGH}}, out = {s, 0, room};
+    circle_seed all[KEPT], by_votes[VOTED], by_hough[HOUGH], middle[MIDDLES];
+    seedlist list[4] = {{all, 0, KEPT}, {by_votes, 0, VOTED}, {by_hough, 0, HOUGH}, {middle, 0, MIDDLES}}, out = {s, 0, room};
     int free_radius = r1 > 1.01 * r0, mid = 0;
     while (mid + 1 < p->n && (p->level[mid].w > MIDDLE || p->level[mid].h > MIDDLE)) mid++;
     const rim_level *l = &p->level[mid];
     double k = l->kx / p->level[0].kx;
     all_circles(&list[0], p, kind, r0, r1);
     if (voted(&list[1], l, mid, kind, r0 / k, r1 / k)) return err_set(e, "out of memory");
+    if (free_radius) middle_circles(&list[3], l, mid, kind, r1 / k);
     if (free_radius && hough(&list[2], l, mid, kind, r0 / k, fmin(r1 / k, 0.6 * fmax(l->w, l->h)), e)) return -1;
-    for (int i = 0; i < 3; i++)
+    for (int i = 0; i < 4; i++)
         for (int q = 0; q < list[i].n; q++) {
             circle_seed c = list[i].s[q];
-            climb_far(&c, p, kind, free_radius, mid);
+            if (i < 3) climb_far(&c, p, kind, free_radius, mid);
             /* alike on a coarse level: one is enough */
             circle_seed fine = c;
             on_level(&fine, mid);
-            if (c.score > 0.1 && fine.c[2] >= 0.8 * r0 / k) keep(&out, &fine, fmax(2, 0.025 * fine.c[2]));
+            if ((c.score > 0.1 || c.placed) && fine.c[2] >= 0.8 * r0 / k) keep(&out, &fine, fmax(2, 0.025 * fine.c[2]));
         }
     for (int i = 0; i < out.n; i++) {
         int at = mid;
-        for (double r = s[i].c[2]; at + 1 < p->n && r > 30; r /= 2) at++;
+        for (double r = s[i].c[2]; !s[i].placed && at + 1 < p->n && r > 30; r /= 2) at++;
         on_level(&s[i], at);
-        climb_near(&s[i], p, kind, free_radius, mid);
+        if (s[i].placed) s[i].score = rim_climb(s[i].c, l, kind, free_radius, 1);
+        else climb_near(&s[i], p, kind, free_radius, mid);
     }
     qsort(s, (size_t)out.n, sizeof *s, by_score);
     return out.n;

@@ -13,6 +13,7 @@ typedef struct circle_seed {
     double c[3];  /* x, y, radius; pixels of level `at` */
     int at;
     double score; /* rim_score there */
+    int placed;   /* a guess from the frame: climbed from on fine levels alone, as coarse ones show nothing so near to the edge */
 } circle_seed;
 
 /* Up to `room` seeds, all on one level of middling size, where they are at the top of rim_score's hills, best first; radii r0..r1
