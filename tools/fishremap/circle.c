@@ -17,6 +17,7 @@
 /* What is not refused; measured on photographs with bench/circles/evaluate.py */
 #define MOST_OUTSIDE 0.22 /* rings around it: it lies inside of something round */
 #define LEAST_SEEN 0.4    /* of the circumference in the picture */
+#define LEAST_SHARE 0.66  /* of what is in the picture: where an edge follows the circle; less leaves its place loose */
 #define LEAST_MARGIN 0.12 /* over another circle */
 
 
@@ -125,7 +126,13 @@ static void settle(circle_found *f, const judged *best, const rim_level *fine, i
     if (kind == CIRCLE_BALL && free_radius) {
         rim_fit own;
         ball_rim(c, best->l);
-        clean = !rim_trace(&own, best->l, kind, 1, c, 0.02) && own.share > 0.75 && own.rms < 0.0045;
+        int traced = !rim_trace(&own, best->l, kind, 1, c, 0.02);
+        /* a shadow or a table's edge can outvote the rim: then its path there is the worse one */
+        if (!traced || strength(&own) < strength(&best->fit) - 0.02) {
+            own = best->fit;
+            c[0] = own.x, c[1] = own.y, c[2] = own.r;
+        }
+        clean = own.share > 0.75 && own.rms < 0.0045;
         if (clean) c[0] = own.x, c[1] = own.y, c[2] = own.r, rms = own.rms;
     }
     if (clean) {
@@ -169,7 +176,7 @@ int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kin
     rim_pyramid_free(&p);
     if (n < 0) return -1;
     if (!any) return err_set(e, "expected a circle that stands out, found none; say where it is: --centre X,Y --radius R (--corners X,Y,R for a sphere)");
-    if (f->strength >= least(&best.fit) && best.fit.outside < MOST_OUTSIDE && best.fit.seen > LEAST_SEEN && f->margin > LEAST_MARGIN) return 0;
+    if (f->strength >= least(&best.fit) && best.fit.outside < MOST_OUTSIDE && best.fit.seen > LEAST_SEEN && best.fit.share > LEAST_SHARE && f->margin > LEAST_MARGIN) return 0;
     return err_set(e, "expected a circle that stands out, found at best one at %.1f,%.1f radius %.1f (%.0f %% of its rim seen, strength %.2f, margin %.2f over the next); "
                       "say where it is: --centre X,Y --radius R (--corners X,Y,R for a sphere)", f->x, f->y, f->r, 100 * f->share, f->strength, f->margin);
 }

@@ -11,7 +11,9 @@
 #include "vision/circles.h"
 
 #define KEPT 40       /* of every circle on the smallest copy */
-#define VOTED 160     /* of the votes */
+#define VOTED 50      /* of the votes, for each of the BANDS of radii: small circles are many, and must not be crowded out by large ones */
+#define BANDS 3
+#define LISTS (BANDS + 3)
 #define HOUGH 24      /* of OpenCV's */
 #define MIDDLES 8     /* circles about the picture's middle */
 #define EDGE 0.02f    /* log units per pixel: below, a gradient is noise */
@@ -113,11 +115,14 @@ static int votes_for(seedlist *out, const edge *e, int n, const rim_level *l, in
     return 0;
 }
 
-static int voted(seedlist *out, const rim_level *l, int at, circle_kind kind, double r0, double r1)
+/* out: BANDS lists, by radius: below a twelfth of the shorter side, below a quarter, the rest. */
+static int voted(seedlist out[BANDS], const rim_level *l, int at, circle_kind kind, double r0, double r1)
 {
     int n, rc = 0;
+    double shorter = fmin(l->w, l->h);
     edge *e = edges(&n, l);
-    for (double r = r0; !rc && e && r <= 1.04 * r1; r *= 1.07) rc = votes_for(out, e, n, l, at, kind, r);
+    for (double r = r0; !rc && e && r <= 1.04 * r1; r *= 1.07)
+        rc = votes_for(&out[r < shorter / 12 ? 0 : r < shorter / 4 ? 1 : 2], e, n, l, at, kind, r);
     free(e);
     return e && !rc ? 0 : -1;
 }
@@ -167,20 +172,20 @@ static int by_score(const void *a, const void *b)
 
 int circle_seeds(circle_seed *s, int room, const rim_pyramid *p, circle_kind kind, double r0, double r1, errmsg *e)
 {
-    circle_seed all[KEPT], by_votes[VOTED], by_hough[HOUGH], middle[MIDDLES];
-    seedlist list[4] = {{all, 0, KEPT}, {by_votes, 0, VOTED}, {by_hough, 0, HOUGH}, {middle, 0, MIDDLES}}, out = {s, 0, room};
+    circle_seed all[KEPT], by_votes[BANDS][VOTED], by_hough[HOUGH], middle[MIDDLES];
+    seedlist list[LISTS] = {{by_votes[0], 0, VOTED}, {by_votes[1], 0, VOTED}, {by_votes[2], 0, VOTED}, {all, 0, KEPT}, {by_hough, 0, HOUGH}, {middle, 0, MIDDLES}}, out = {s, 0, room};
     int free_radius = r1 > 1.01 * r0, mid = 0;
     while (mid + 1 < p->n && (p->level[mid].w > MIDDLE || p->level[mid].h > MIDDLE)) mid++;
     const rim_level *l = &p->level[mid];
     double k = l->kx / p->level[0].kx;
-    all_circles(&list[0], p, kind, r0, r1);
-    if (voted(&list[1], l, mid, kind, r0 / k, r1 / k)) return err_set(e, "out of memory");
-    if (free_radius) middle_circles(&list[3], l, mid, kind, r1 / k);
-    if (free_radius && hough(&list[2], l, mid, kind, r0 / k, fmin(r1 / k, 0.6 * fmax(l->w, l->h)), e)) return -1;
-    for (int i = 0; i < 4; i++)
+    all_circles(&list[BANDS], p, kind, r0, r1);
+    if (voted(list, l, mid, kind, r0 / k, r1 / k)) return err_set(e, "out of memory");
+    if (free_radius) middle_circles(&list[LISTS - 1], l, mid, kind, r1 / k);
+    if (free_radius && hough(&list[BANDS + 1], l, mid, kind, r0 / k, fmin(r1 / k, 0.6 * fmax(l->w, l->h)), e)) return -1;
+    for (int i = 0; i < LISTS; i++)
         for (int q = 0; q < list[i].n; q++) {
             circle_seed c = list[i].s[q];
-            if (i < 3) climb_far(&c, p, kind, free_radius, mid);
+            if (!c.placed) climb_far(&c, p, kind, free_radius, mid);
             /* alike on a coarse level: one is enough */
             circle_seed fine = c;
             on_level(&fine, mid);
