@@ -276,7 +276,8 @@ static void weigh(rim_fit *f, const unwrapped *u, const rim_level *l, circle_kin
     qsort(contrast, (size_t)seen, sizeof *contrast, by_value);
     f->seen = (double)seen / u->n, f->share = (double)good / seen, f->contrast = contrast[seen / 2], f->along = along / seen;
     if (good) f->rms = sqrt(sq / good) / c[2], f->oval = 2 * hypot(two[0], two[1]) / good / c[2];
-    f->inside = ring(l, kind, c, 0.88, 0.97), f->outside = ring(l, kind, c, 1.03, 1.12);
+    double gap = fmax(0.03, 3 / c[2]), far = gap + fmax(0.09, 3 / c[2]); /* the rim's own edge reaches 2 pixels */
+    f->inside = ring(l, kind, c, 1 - far, 1 - gap), f->outside = ring(l, kind, c, 1 + gap, 1 + far);
 }
 
 int rim_trace(rim_fit *f, const rim_level *l, circle_kind kind, int free_radius, const double start[3], double band)
