@@ -18,7 +18,7 @@
 #define MOST_OUTSIDE 0.22 /* rings around it: it lies inside of something round */
 #define LEAST_SEEN 0.4    /* of the circumference in the picture */
 #define LEAST_SHARE 0.66  /* of what is in the picture: where an edge follows the circle; less leaves its place loose */
-#define LEAST_MARGIN 0.12 /* over another circle */
+#define LEAST_MARGIN 0.14 /* over another circle */
 
 
 static int by_value(const void *a, const void *b)
@@ -148,7 +148,7 @@ static void settle(circle_found *f, const judged *best, const rim_level *fine, i
 /* The least strength of a rim that is believed.  Small circles are many, and some look like rims by chance. */
 static double least(const rim_fit *t)
 {
-    return 0.58 + 0.24 * fmax(0, 1 - t->r / 50);
+    return 0.58 + 0.34 * fmax(0, 1 - t->r / 50);
 }
 
 int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kind, double radius, errmsg *e)
