@@ -100,8 +100,8 @@ int input_load(img *im, int *all_good, const settings *s, errmsg *e)
     return 0;
 }
 
-/* A disc's place in the picture: given, from the lens file's camera, or the largest that fits. */
-static int place_disc(double *cx, double *cy, double *r, const settings *s, const lens *l, const img *im, errmsg *e)
+/* A disc's place in the picture: given, from the lens file's camera, found (then *how says how well), or the largest that fits. */
+static int place_disc(double *cx, double *cy, double *r, circle_found *how, const settings *s, const lens *l, const img *im, errmsg *e)
 {
     int w = im->info.width, h = im->info.height;
     *cx = s->have_centre ? s->centre[0] : l->focal_px > 0 ? l->centre_px[0] : w / 2.;
@@ -110,7 +110,9 @@ static int place_disc(double *cx, double *cy, double *r, const settings *s, cons
     if (s->centre_auto) {
         circle_found f;
         double known = s->radius > 0 || l->focal_px > 0 ? *r : 0;
-        if (circle_find(&f, im->pix, w, h, s->from == VIEW_BALL ? CIRCLE_BALL : CIRCLE_LENS, known, e)) return -1;
+        errmsg why;
+        if (circle_find(&f, im->pix, w, h, s->from == VIEW_BALL ? CIRCLE_BALL : CIRCLE_LENS, known, &why)) return err_set(e, "%s: %s", s->in, why.text);
+        *how = f;
         *cx = f.x, *cy = f.y;
         if (known == 0) *r = f.r;
     }
@@ -139,7 +141,7 @@ static int make_disc(chart *c, outcome *o, const settings *s, view_kind kind, co
         if (!im && l.focal_px > 0) cx = l.centre_px[0], cy = l.centre_px[1], r = l.focal_px / l.scale; /* the camera's picture, as it takes it */
         if (said[0] && !strstr(o->remark, said)) outcome_note(o, "%s", said);
     }
-    if (im && place_disc(&cx, &cy, &r, s, &l, im, e)) return -1;
+    if (im && place_disc(&cx, &cy, &r, &o->circle, s, &l, im, e)) return -1;
     chart_disc(c, w, h, &l, cx, cy, r, kind == VIEW_BALL, 0, 0, 0);
     return 0;
 }

@@ -5,6 +5,7 @@
 #define SETTINGS_H
 
 #include "chart.h"
+#include "circle.h"
 #include "image.h"
 #include "ilf.h"
 #include "sphere.h"
@@ -55,6 +56,7 @@ typedef struct settings {
 /* What came out of it, for the caller to print and for --report. */
 typedef struct outcome {
     double cx, cy, radius;   /* of the image circle, pixels */
+    circle_found circle;     /* how well it was found; r 0: it was given */
     int64_t bad_pixels;      /* NaN, infinite or masked */
     double covered;          /* share of the output's solid angle */
     double cpu_plan_s, cpu_prepare_s, cpu_remap_s; /* plan: only where several pictures share one */

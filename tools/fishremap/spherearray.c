@@ -227,6 +227,7 @@ static int locate(sphere_seen *q, sphere_grid *g, outcome *o, const settings *s,
         snprintf(o->remark, sizeof o->remark, "no rims to be seen near the corners: spheres, pitch and tilt are those of the corners as given");
         return 0;
     }
+    if (s->corners_auto && sphere_check(g, im->pix, w, h, e)) return -1;
     o->spheres_from = "rims", o->rims_seen = fit.seen, o->rims_rms = fit.rms;
     snprintf(o->remark, sizeof o->remark, "rims of %d of %d spheres within a pixel of the grid, %.2f pixels rms", fit.seen, total, fit.rms);
     return 0;

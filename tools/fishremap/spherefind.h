@@ -27,4 +27,8 @@ int sphere_shift_window(sphere_seen corner[4], const float *pix, int w, int h, i
 /* Corner spheres of an n x m array that fills a good part of the picture; rotate as in sphere_grid_init. */
 int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e);
 
+/* Is a grid that was found, not given, the array?  -1: a sphere is cut by the frame, a larger circle has the better rims, or
+ * there are further spheres beside it; the words say which. */
+int sphere_check(const sphere_grid *g, const float *pix, int w, int h, errmsg *e);
+
 #endif
