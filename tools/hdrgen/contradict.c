@@ -202,25 +202,19 @@ static void add_pixel(sums *t, const pairing *p, int i, const float limit[2])
     t->cell_n[cell]++;
 }
 
-static int downwards(const void *a, const void *b)
+/* Part of what differs that lies in cells most of which differ, if those are a small part of the picture. */
+static double in_few_places(const sums *t)
 {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x < y) - (x > y);
-}
-
-/* Part of what differs that lies in the tenth of the cells where most of it lies. */
-static double in_few_places(sums *t)
-{
-    double all = 0, few = 0;
-    int used = 0;
-    for (int i = 0; i < GRID * GRID; i++)
-        used += t->cell_n[i] > 0;
-    qsort(t->cell, GRID * GRID, sizeof *t->cell, downwards);
+    static const double dense = 0.4, small = 0.3;
+    double all = 0, there = 0, cells = 0, used = 0;
     for (int i = 0; i < GRID * GRID; i++) {
+        int full = t->cell[i] > dense * t->cell_n[i];
         all += t->cell[i];
-        few += i < (used + 9) / 10 ? t->cell[i] : 0;
+        there += full ? t->cell[i] : 0;
+        cells += full;
+        used += t->cell_n[i] > 0;
     }
-    return all > 0 ? few / all : 0;
+    return all > 0 && cells < small * used ? there / all : 0;
 }
 
 /* Exposure that is off by a factor: brighter than both neighbours or darker than both, by the medians. */
@@ -247,11 +241,11 @@ static void find_cause(contradict_facts *f, sums *t, int kk)
     double spread, flat = t->steep_n[0] > 0 ? fmax(t->steep[0] / t->steep_n[0], 1e-6) : 1;
     double steep = t->steep_n[2] > 0 ? t->steep[2] / t->steep_n[2] : 0;
     f->exposure = odd_one(t, kk, &f->off, &spread);
-    f->cause = f->exposure >= 0 && fabs(f->off) > factor ? CAUSE_EXPOSURE
-               : spread > shifts                         ? CAUSE_CURVE
-               : in_few_places(t) > concentrated         ? CAUSE_REGION
-               : steep > edges * flat                    ? CAUSE_CAMERA
-                                                         : CAUSE_UNKNOWN;
+    f->cause = in_few_places(t) > concentrated                ? CAUSE_REGION
+               : steep > edges * flat                         ? CAUSE_CAMERA
+               : f->exposure >= 0 && fabs(f->off) > factor    ? CAUSE_EXPOSURE
+               : spread > shifts                              ? CAUSE_CURVE
+                                                              : CAUSE_UNKNOWN;
 }
 
 /* Moves the differences together: the last thing that is done with them. */
