@@ -142,9 +142,9 @@ static inline float solve(const merge *m, const merge_channel *ch, pixel *p, int
  * that is nearly so. */
 static float likelihood(const merge *m, const merge_channel *ch, const pixel *p, int with_reject, float x)
 {
-    static const float anything = 1e-3f, not_white = 0.1f;
+    static const float anything = 1e-3f, not_white = 0.1f, depth = 0.03f; /* of clipped pixels so far below, about */
     const int base = (OCTAVES - grid_top_octave) * GRID, cell = cell_of(x) + base;
-    const float zone = ch->clip - ch->code[ch->safe].y, root_2pi = 2.5066f;
+    const float root_2pi = 2.5066f;
     float sum = 0;
     for (int s = p->from; s < m->n; s++) {
         if (with_reject && !counts(p->row, p->i, m->order[s]))
@@ -156,7 +156,7 @@ static float likelihood(const merge *m, const merge_channel *ch, const pixel *p,
             float beyond = z ? (e - ch->clip) / sd : (ch->black - e - p->dark) / sd;
             like = 1 / (1 + expf(-1.7f * fminf(fmaxf(beyond, -40), 40)));
         } else if (e >= ch->clip) {
-            like = z > ch->safe ? not_white / zone : 0;
+            like = not_white / (depth * ch->clip) * expf((ch->code[z].y - ch->clip) / (depth * ch->clip));
         } else {
             float r = (ch->code[z].y - p->dark - q->mean * e) / sd;
             like = expf(-0.5f * fminf(r * r, 80)) / (root_2pi * sd);
