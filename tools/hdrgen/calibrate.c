@@ -40,7 +40,7 @@ static double sharing(const double *lnt, int kk)
             steps++;
         }
     step = steps ? fmax(step / steps / M_LN2, 1) : 1;
-    return fmin(3 * pow(step, 8), 3000);
+    return fmin(pow(step, 10), 3000);
 }
 
 /* Rows of one channel; columns: spline changes (if fitted), then time changes (if fitted). */
