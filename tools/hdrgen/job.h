@@ -36,7 +36,7 @@ typedef struct job_opts {
     double gain, read_noise; /* electrons per code, electrons; < 0: estimate */
     int bits;                /* that the codes fill of their files', from the lowest; 0: all */
     int white;               /* code from which on all is clipped; 0: find it */
-    int refine_times, deghost, want_sigma, want_count, half_size;
+    int refine_times, deghost, want_sigma, want_count, half_size, absolute;
     int has_bayer, bayer[4]; /* colours (0..2) of the 2x2 positions, row by row */
     int has_fill, fill[3];   /* code triple of missing pixels */
     const char *dark, *flat, *hot; /* files or NULL */

@@ -92,7 +92,7 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
         {.name = "hdrgen:scale", .kind = IMG_ATTR_FLOAT, .v = {j->facts.scale}},
     };
     int na = 6;
-    if (j->opts.patch[2] > 0) /* values are W/sr/m2: 179 lm/W is what white 1 is worth */
+    if (j->opts.patch[2] > 0 || j->opts.absolute) /* values are W/sr/m2: 179 lm/W is what white 1 is worth */
         attrs[na++] = (img_attr){.name = "whiteLuminance", .kind = IMG_ATTR_FLOAT, .v = {179}};
     img_write_opts w = {.type = *type_used == OUTPUT_HALF ? IMG_HALF : IMG_FLOAT, .compression = o->compression,
                         .planes = planes, .nplanes = np, .attrs = attrs, .nattrs = na, .comment = o->command};
