@@ -5,8 +5,10 @@
  *
  *     d = ln(y_l / t_l) - ln(y_k / t_k),   var d = v(y_k)/y_k^2 + v(y_l)/y_l^2,
  *
- * is noise alone where nothing moved and response and times are right.  How much larger than the model's noise it
- * usually is in this series is learnt from medians, by brightness, which a minority of things that move can't spoil.
+ * is noise alone where nothing moved and response and times are right.  How much larger than the model's
+ * noise it
+ * usually is in this series is learnt from medians, by brightness, which a minority of things that move
+ * can't spoil.
  */
 #include "contradict.h"
 
@@ -61,7 +63,8 @@ static int inside(const pairing *p, int z)
     return z > 0 && z < p->s->clip[p->c] && z < p->s->max_code && p->sd[z] < well_known;
 }
 
-/* The next pair of sample i: 1 with d and its deviation by the model, 0 when there is none.  *k and *l: -1 at first. */
+/* The next pair of sample i: 1 with d and its deviation by the model, 0 when there is none.  *k and *l: -1
+ * at first. */
 static int next_pair(const pairing *p, int i, int *k, int *l, double *d, double *sd)
 {
     const uint16_t *z = p->s->z[p->c] + (size_t)i * (size_t)p->s->exposures;
@@ -94,7 +97,8 @@ static double median(float *v, int n)
     return (double)v[n / 2];
 }
 
-/* What |d| / sd usually is, by the level of the shorter exposure's sample, as the deviation of a normal distribution. */
+/* What |d| / sd usually is, by the level of the shorter exposure's sample, as the deviation of a normal
+ * distribution. */
 static int usual(double q[LEVELS], const pairing *p)
 {
     static const double normal = 0.6745; /* median of |x| */
@@ -162,7 +166,8 @@ int contradict_mark(samples *s, const response *r, const noise_model *noise, con
     return 0;
 }
 
-/* ---- the series as a whole ------------------------------------------------------------------------------ */
+/* ---- the series as a whole
+ * ------------------------------------------------------------------------------ */
 
 enum { GRID = 16, STEEP = 3 };
 
@@ -266,7 +271,8 @@ int contradict_matters(const contradict_facts *f)
 
 static int measure_channel(sums *t, const samples *s, int c, const response *r, const noise_model *m, const double *lnt)
 {
-    /* a fit to exposures that contradict each other takes the contradiction for noise: no camera has more than this */
+    /* a fit to exposures that contradict each other takes the contradiction for noise: no camera has more
+     * than this */
     noise_model least = {fmin(m->photon, 1.0 / 500), fmin(m->read, 3.0 / 500), fmin(m->code_var, 30)};
     pairing p;
     float *steep = malloc(((size_t)s->n[c] + 1) * sizeof *steep), limit[2] = {0};

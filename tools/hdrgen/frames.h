@@ -5,8 +5,10 @@
  * kept as codes in memory after the first pass; camera raw, which can't be streamed, is spooled to
  * an unlinked temporary file picture by picture; everything else is decoded again.
  *
- * Missing pixels.  An exposure may have nothing to say of a pixel: its alpha is below full (registered images beyond
- * their border), its codes are the fill colour, or it was moved and the pixel lies outside.  That is neither black
+ * Missing pixels.  An exposure may have nothing to say of a pixel: its alpha is below full (registered
+ * images beyond
+ * their border), its codes are the fill colour, or it was moved and the pixel lies outside.  That is
+ * neither black
  * nor clipped, and has a mask of its own: one byte per pixel and exposure, not 0 where missing.
  */
 #ifndef HDRGEN_FRAMES_H
@@ -27,7 +29,8 @@ typedef struct frames_facts {
 } frames_facts;
 
 /* Open n files; all must agree in size, channels and depth.  memory: bytes of codes that may
- * be kept.  bits: how many of the files' bits the codes fill, from the lowest (0: all).  fill: NULL, or the code
+ * be kept.  bits: how many of the files' bits the codes fill, from the lowest (0: all).  fill: NULL, or
+ * the code
  * triple that marks missing pixels.  half: camera raw at half size; other formats are refused then. */
 int frames_open(frames **f, char *const *paths, int n, int64_t memory, int bits, const int *fill, int half, errmsg *e);
 void frames_close(frames *f);
@@ -43,9 +46,12 @@ int frames_strip_rows(const frames *f);
 /* Start again from the top. */
 int frames_rewind(frames *f, errmsg *e);
 
-/* The next strip: codes[k] points at its first row in exposure k (width*channels per row), missing[k] at the mask
- * (width per row) or is NULL where the strip has all its pixels; valid until the next call.  Missing pixels' codes are
- * max_code.  Returns the number of rows, 0 at the end, -1 on failure (also: an exposure that has no pixel at all). */
+/* The next strip: codes[k] points at its first row in exposure k (width*channels per row), missing[k] at
+ * the mask
+ * (width per row) or is NULL where the strip has all its pixels; valid until the next call.  Missing
+ * pixels' codes are
+ * max_code.  Returns the number of rows, 0 at the end, -1 on failure (also: an exposure that has no pixel
+ * at all). */
 int frames_next(frames *f, const uint16_t **codes, const uint8_t **missing, errmsg *e);
 
 #endif

@@ -8,7 +8,8 @@
 #include "finish.h"
 #include "job.h"
 
-/* Deghosting: relative differences up to so many times what is usual in the series are none, within bounds. */
+/* Deghosting: relative differences up to so many times what is usual in the series are none, within
+ * bounds. */
 static const double usual_differences = 5, least_tolerance = 0.06, most_tolerance = 0.5;
 
 /* What one thread needs for a row. */
@@ -305,8 +306,10 @@ static void scale_all(job *j, double scale)
     }
 }
 
-/* Saturation-based speed (ISO 12232): the exposure that clips is H = 78/S lx s, and H = 0.65 L t / N^2 behind a usual lens,
- * so that L = 120 N^2 / (S t) cd/m2 reaches the highest code.  Radiance 1 does so in the time that job->shots calls exposure. */
+/* Saturation-based speed (ISO 12232): the exposure that clips is H = 78/S lx s, and H = 0.65 L t / N^2
+ * behind a usual lens,
+ * so that L = 120 N^2 / (S t) cd/m2 reaches the highest code.  Radiance 1 does so in the time that
+ * job->shots calls exposure. */
 static int by_speed(job *j, errmsg *e)
 {
     for (int k = 0; k < j->n; k++)
