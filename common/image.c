@@ -125,7 +125,10 @@ static int choose_codec(img_reader *r, errmsg *e)
     rewind(r->f);
     const char *foreign = r->codec ? NULL : img_foreign(head, n);
     if (foreign)
-        return img_bad(r, e, "expected a picture that is read here (EXR, Radiance, PNG, JPEG, TIFF, PNM, raw), found %s", foreign);
+        return img_bad(r, e,
+                       "expected a picture that is read here (EXR, Radiance, PNG, JPEG, TIFF, PNM, raw), "
+                       "found %s",
+                       foreign);
     if (!r->codec)
         return img_bad(r, e,
                        "expected a picture (EXR, Radiance, PNG, JPEG, TIFF, PNM, PFM or camera raw), "

@@ -20,7 +20,7 @@ import OpenEXR
 
 TOP = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(TOP / "bench" / "hdrgen"))
-from series import f_bump, make_series, scene  # noqa: E402
+from series import expose, f_bump, f_srgb, make_series, scene, write_png, write_times  # noqa: E402
 
 HDRGEN = (TOP / os.environ.get("ILF_BUILD", "build") / "bin" / "hdrgen").resolve()
 cv2.setNumThreads(1)
@@ -96,6 +96,69 @@ def synthetic(work):
                                     ("colour-hdri 0.2.6 Debevec", 0.031, 4.42, 24.5)):
         print(f"{name:34}{med:9.4f}{p99:8.4f}{'':9}{seconds:9.2f}")
     return rows
+
+
+def untouched(result, rest, free):
+    d = np.log2(np.maximum(result, 1e-30)[free] / np.maximum(rest, 1e-30)[free])
+    d -= np.median(d)
+    return float((np.abs(d) > .25).mean()), float(np.sqrt(np.mean(np.clip(d, -4, 4) ** 2)))
+
+
+def moving_person(work):
+    """Three shots of four times the exposure each; someone dark stands elsewhere in each, on 5 % of the picture.  Each program
+    against itself without the person, where nobody ever stood."""
+    truth, times, pictures, free = scene(340, 500, decades=3, lowest=-1.7, seed=9), [.05, .2, .8], {}, np.ones((340, 500), bool)
+    names = ["w0.png", "w1.png", "w2.png"]
+    for who in ("rest", "walk"):
+        folder, rng = work / who, np.random.default_rng(4)
+        folder.mkdir(exist_ok=True)
+        for k, t in enumerate(times):
+            now, at = truth.copy(), np.s_[120:300, 40 + 140 * k:88 + 140 * k]
+            free[at] = False
+            if who == "walk":
+                now[at] = .04
+            write_png(folder / names[k], expose(now, t, f_srgb, rng=rng))
+        write_times(folder, names, times)
+        pictures[who] = [cv2.imread(str(folder / n)) for n in names]
+    out = {}
+    for name, args in (("hdrgen", ()), ("hdrgen --deghost", ("--deghost",)), ("hdrgen --response mitsunaga", ("-r", "mitsunaga"))):
+        out[name] = untouched(*(ours(work / who, names, "-t", "times.txt", *args)[0] for who in ("walk", "rest")), free)
+    for kind in ("debevec", "robertson"):
+        out["OpenCV " + kind] = untouched(*(opencv(pictures[who], times, kind)[0] for who in ("walk", "rest")), free)
+    print("\na moving person: pixels that were never touched and are > 1/4 stop off, and their rms in stops")
+    for name, (part, rms) in out.items():
+        print(f"{name:34}{100 * part:8.2f} %{rms:9.4f}", flush=True)
+    return out
+
+
+def coloured_lamps(work):
+    """Linear, clipped at 254, 8 exposures of 2 stops; lamps of saturated colours that the shortest alone resolves.  Light of the
+    lamps over what it is, per colour of the lamp: green and red of a green LED, and so on, all channels summed."""
+    rng, times = np.random.default_rng(2), 4.0 ** np.arange(-7, 1)
+    truth = scene(240, 320, decades=3, lowest=-3, seed=2) * .75
+    lamps = {"green LED": (.02, 1, .05), "red LED": (1, .03, .02), "blue LED": (.03, .08, 1), "tungsten": (1, .6, .25)}
+    where = {}
+    for i, (name, colour) in enumerate(lamps.items()):
+        where[name] = np.s_[40:60, 40 + 70 * i:58 + 70 * i]
+        truth[where[name]] = np.array(colour) * .93 / times[0]
+    folder = work / "lamps"
+    folder.mkdir(exist_ok=True)
+    names = [f"l{k}.png" for k in range(len(times))]
+    for n, t in zip(names, times):
+        write_png(folder / n, np.minimum(expose(truth, t, lambda e: np.clip(e, 0, 1), rng=rng), 254))
+    write_times(folder, names, times)
+    images = [cv2.imread(str(folder / n)) for n in names]
+    results = {"hdrgen": ours(folder, names, "-t", "times.txt", "-r", "linear")[0],
+               "hdrgen, recovered": ours(folder, names, "-t", "times.txt")[0],
+               "OpenCV debevec": opencv(images, times, "debevec")[0], "OpenCV robertson": opencv(images, times, "robertson")[0]}
+    print("\ncoloured lamps: light over what it is, R G B")
+    out = {}
+    for program, got in results.items():
+        bright = (truth.min(axis=-1) > .02) & (truth.max(axis=-1) < 1)
+        scale = np.exp(np.median(np.log(got[bright] / truth[bright]), axis=0))
+        out[program] = {n: [float(v) for v in got[at].mean(axis=(0, 1)) / scale / truth[at].mean(axis=(0, 1))] for n, at in where.items()}
+        print(f"{program:24}" + "  ".join(f"{n} " + " ".join(f"{v:.3f}" for v in row) for n, row in out[program].items()), flush=True)
+    return out
 
 
 def leave_one_out(work, name, files, times, chosen):
@@ -182,8 +245,9 @@ def main():
     args = a.parse_args()
     work = args.work.resolve()
     rows = synthetic(work)
+    person, lamps = moving_person(work), coloured_lamps(work)
     result = real(work, args.shared.resolve())
-    (work / "bench.json").write_text(json.dumps(dict(synthetic=rows, real=result), indent=1, default=float))
+    (work / "bench.json").write_text(json.dumps(dict(synthetic=rows, person=person, lamps=lamps, real=result), indent=1, default=float))
 
 
 if __name__ == "__main__":

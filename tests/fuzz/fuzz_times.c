@@ -8,7 +8,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     fuzz_file file = file_of(data, size);
     shot shots[3] = {{.path = "a.png"}, {.path = "in/b c.png", .iso = 100, .f_number = 4}, {.path = "c.png"}};
-    int varies;
+    times_facts facts = {0};
     errmsg e = {""};
 
     if (times_load(shots, 3, file.path, &e) != 0) {
@@ -16,7 +16,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         for (int k = 0; k < 3; k++) HOLDS(shots[k].seconds >= 0 && shots[k].seconds <= 0);
     } else {
         for (int k = 0; k < 3; k++) HOLDS(shots[k].seconds > 0);
-        if (shots_resolve(shots, 3, &varies, &e) != 0)
+        if (shots_resolve(shots, 3, 1, &facts, &e) != 0)
             one_line(e.text);
         else
             for (int k = 0; k < 3; k++) HOLDS(isfinite(shots[k].exposure) && shots[k].exposure > 0);

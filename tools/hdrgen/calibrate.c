@@ -27,9 +27,12 @@ static const double misfit_steps = 1;
 static const double least_lambda = 0.01; /* Gauss-Newton needs some hold where data are few */
 static const double longest_step = 0.5;  /* of any spline coefficient in one round */
 
-/* What no curve explains is not independent from bin to bin: it is smooth, and where exposures are P stops apart, an error
- * of the curve with that period is all but invisible to the data.  The means' own scatter therefore counts this many times,
- * more where P is large (tried on series of one stop against every second and third of their own exposures). */
+/* What no curve explains is not independent from bin to bin: it is smooth, and where exposures are P stops
+ * apart, an error
+ * of the curve with that period is all but invisible to the data.  The means' own scatter therefore counts
+ * this many times,
+ * more where P is large (tried on series of one stop against every second and third of their own
+ * exposures). */
 static double sharing(const double *lnt, int kk)
 {
     double step = 0;
@@ -40,7 +43,7 @@ static double sharing(const double *lnt, int kk)
             steps++;
         }
     step = steps ? fmax(step / steps / M_LN2, 1) : 1;
-    return fmin(3 * pow(step, 8), 3000);
+    return fmin(pow(step, 10), 3000);
 }
 
 /* Rows of one channel; columns: spline changes (if fitted), then time changes (if fitted). */

@@ -5,8 +5,10 @@
  *
  *     d = ln(y_l / t_l) - ln(y_k / t_k),   var d = v(y_k)/y_k^2 + v(y_l)/y_l^2,
  *
- * is noise alone where nothing moved and response and times are right.  How much larger than the model's noise it
- * usually is in this series is learnt from medians, by brightness, which a minority of things that move can't spoil.
+ * is noise alone where nothing moved and response and times are right.  How much larger than the model's
+ * noise it
+ * usually is in this series is learnt from medians, by brightness, which a minority of things that move
+ * can't spoil.
  */
 #include "contradict.h"
 
@@ -61,7 +63,8 @@ static int inside(const pairing *p, int z)
     return z > 0 && z < p->s->clip[p->c] && z < p->s->max_code && p->sd[z] < well_known;
 }
 
-/* The next pair of sample i: 1 with d and its deviation by the model, 0 when there is none.  *k and *l: -1 at first. */
+/* The next pair of sample i: 1 with d and its deviation by the model, 0 when there is none.  *k and *l: -1
+ * at first. */
 static int next_pair(const pairing *p, int i, int *k, int *l, double *d, double *sd)
 {
     const uint16_t *z = p->s->z[p->c] + (size_t)i * (size_t)p->s->exposures;
@@ -94,7 +97,8 @@ static double median(float *v, int n)
     return (double)v[n / 2];
 }
 
-/* What |d| / sd usually is, by the level of the shorter exposure's sample, as the deviation of a normal distribution. */
+/* What |d| / sd usually is, by the level of the shorter exposure's sample, as the deviation of a normal
+ * distribution. */
 static int usual(double q[LEVELS], const pairing *p)
 {
     static const double normal = 0.6745; /* median of |x| */
@@ -162,7 +166,8 @@ int contradict_mark(samples *s, const response *r, const noise_model *noise, con
     return 0;
 }
 
-/* ---- the series as a whole ------------------------------------------------------------------------------ */
+/* ---- the series as a whole
+ * ------------------------------------------------------------------------------ */
 
 enum { GRID = 16, STEEP = 3 };
 
@@ -202,25 +207,19 @@ static void add_pixel(sums *t, const pairing *p, int i, const float limit[2])
     t->cell_n[cell]++;
 }
 
-static int downwards(const void *a, const void *b)
+/* Part of what differs that lies in cells most of which differ, if those are a small part of the picture. */
+static double in_few_places(const sums *t)
 {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x < y) - (x > y);
-}
-
-/* Part of what differs that lies in the tenth of the cells where most of it lies. */
-static double in_few_places(sums *t)
-{
-    double all = 0, few = 0;
-    int used = 0;
-    for (int i = 0; i < GRID * GRID; i++)
-        used += t->cell_n[i] > 0;
-    qsort(t->cell, GRID * GRID, sizeof *t->cell, downwards);
+    static const double dense = 0.4, small = 0.3;
+    double all = 0, there = 0, cells = 0, used = 0;
     for (int i = 0; i < GRID * GRID; i++) {
+        int full = t->cell[i] > dense * t->cell_n[i];
         all += t->cell[i];
-        few += i < (used + 9) / 10 ? t->cell[i] : 0;
+        there += full ? t->cell[i] : 0;
+        cells += full;
+        used += t->cell_n[i] > 0;
     }
-    return all > 0 ? few / all : 0;
+    return all > 0 && cells < small * used ? there / all : 0;
 }
 
 /* Exposure that is off by a factor: brighter than both neighbours or darker than both, by the medians. */
@@ -247,11 +246,11 @@ static void find_cause(contradict_facts *f, sums *t, int kk)
     double spread, flat = t->steep_n[0] > 0 ? fmax(t->steep[0] / t->steep_n[0], 1e-6) : 1;
     double steep = t->steep_n[2] > 0 ? t->steep[2] / t->steep_n[2] : 0;
     f->exposure = odd_one(t, kk, &f->off, &spread);
-    f->cause = f->exposure >= 0 && fabs(f->off) > factor ? CAUSE_EXPOSURE
-               : spread > shifts                         ? CAUSE_CURVE
-               : in_few_places(t) > concentrated         ? CAUSE_REGION
-               : steep > edges * flat                    ? CAUSE_CAMERA
-                                                         : CAUSE_UNKNOWN;
+    f->cause = in_few_places(t) > concentrated                ? CAUSE_REGION
+               : steep > edges * flat                         ? CAUSE_CAMERA
+               : f->exposure >= 0 && fabs(f->off) > factor    ? CAUSE_EXPOSURE
+               : spread > shifts                              ? CAUSE_CURVE
+                                                              : CAUSE_UNKNOWN;
 }
 
 /* Moves the differences together: the last thing that is done with them. */
@@ -272,7 +271,8 @@ int contradict_matters(const contradict_facts *f)
 
 static int measure_channel(sums *t, const samples *s, int c, const response *r, const noise_model *m, const double *lnt)
 {
-    /* a fit to exposures that contradict each other takes the contradiction for noise: no camera has more than this */
+    /* a fit to exposures that contradict each other takes the contradiction for noise: no camera has more
+     * than this */
     noise_model least = {fmin(m->photon, 1.0 / 500), fmin(m->read, 3.0 / 500), fmin(m->code_var, 30)};
     pairing p;
     float *steep = malloc(((size_t)s->n[c] + 1) * sizeof *steep), limit[2] = {0};

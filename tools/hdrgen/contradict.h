@@ -1,5 +1,6 @@
 /*
- * contradict.h - samples that contradict each other: found before anything is learnt from them, and what they say of
+ * contradict.h - samples that contradict each other: found before anything is learnt from them, and what
+ * they say of
  * the series as a whole.  Pure.
  */
 #ifndef HDRGEN_CONTRADICT_H
@@ -10,7 +11,8 @@
 #include "response.h"
 #include "samples.h"
 
-/* Set s->out where two neighbouring exposures of a pixel differ by more than noise and what this series usually shows:
+/* Set s->out where two neighbouring exposures of a pixel differ by more than noise and what this series
+ * usually shows:
  * something moved there.  r: any fair estimate of the response; lnt[k] = ln t_k, rising with k. */
 int contradict_mark(samples *s, const response *r, const noise_model *noise, const double *lnt, errmsg *e);
 

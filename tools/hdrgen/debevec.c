@@ -36,7 +36,8 @@ static int informative(const uint16_t *z, const samples *s, const double *lnt)
 }
 
 /* Do two exposures that are neighbours in time see the same thing?  Where a long exposure shows a scene
- * and a short one only its read noise, both are inside the scale, but their codes don't correlate.  Returns the
+ * and a short one only its read noise, both are inside the scale, but their codes don't correlate.
+ * Returns the
  * number of such pairs, less those where the longer exposure is the darker one. */
 static int overlapping(const samples *s, int c, const double *lnt)
 {
@@ -201,7 +202,8 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Pixels that contradict themselves lose their say, by iterated reweighting with a redescending weight (Geman and
+/* Pixels that contradict themselves lose their say, by iterated reweighting with a redescending weight
+ * (Geman and
  * McClure's) about what is usual.  Returns the largest change of a weight; 0: too few stand out to matter. */
 static double reweigh(fit *f, double *room)
 {

@@ -190,6 +190,8 @@ static const cli_opt options[] = {
      "everywhere, 8 samples left out by --deghost, 16 missing everywhere (OpenEXR)"},
     {"calibrate", 0, CLI_CALL, &set.job, take_patch, "X,Y,W,H=L",
      "scale so that this rectangle has L cd/m2 on average"},
+    {"absolute", 0, CLI_FLAG, &set.job.absolute, NULL, NULL,
+     "scale by time, f-number and ISO, good to half a stop; all must be known"},
     {"dark", 0, CLI_STRING, &set.job.dark, NULL, "FILE",
      "dark frame: its exposure is subtracted from every image"},
     {"flat", 0, CLI_STRING, &set.job.flat, NULL, "FILE",
@@ -359,6 +361,9 @@ static void summary(const job *j)
         cli_warn("%s: the codes of this series end at %d, where files of this kind end at %d: if that is where the camera clips, give --bits %d",
                  j->shots[0].path, (1 << j->facts.bits_used) - 1, frames_get_facts(j->frames)->max_code, j->facts.bits_used);
     note_white(j);
+    if (j->opts.absolute && !(j->opts.patch[2] > 0))
+        cli_note("absolute by ISO 12232: the highest code in one second is %.4g cd/m2, give or take half a stop (speed, lens transmission)",
+                 179 * j->facts.scale);
     if (j->align)
         report_motions(j);
     notes_colours(j);

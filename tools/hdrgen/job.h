@@ -40,7 +40,7 @@ typedef struct job_opts {
     double gain, read_noise; /* electrons per code, electrons; < 0: estimate */
     int bits;                /* that the codes fill of their files', from the lowest; 0: all */
     int white;               /* code from which on all is clipped; 0: find it */
-    int refine_times, deghost, want_sigma, want_count, half_size;
+    int refine_times, deghost, want_sigma, want_count, half_size, absolute;
     cfa bayer; /* of grey images; columns 0: none */
     colour_space colour;
     int has_fill, fill[3];   /* code triple of missing pixels */

@@ -10,8 +10,8 @@
 #include "finish.h"
 #include "job.h"
 
-/* Deghosting: relative differences up to so many times what is usual in the series are none, within bounds.
- */
+/* Deghosting: relative differences up to so many times what is usual in the series are none, within
+ * bounds. */
 static const double usual_differences = 5, least_tolerance = 0.06, most_tolerance = 0.5;
 
 /* What one thread needs for a row. */
@@ -238,6 +238,32 @@ static int all_rows(job *j, const merge *m, strip *s, errmsg *e)
     }
 }
 
+static void scale_all(job *j, double scale)
+{
+    size_t n = (size_t)j->radiance.info.width * (size_t)j->radiance.info.height * (size_t)j->radiance.info.channels;
+    j->facts.scale = scale;
+    for (size_t i = 0; i < n; i++) {
+        j->radiance.pix[i] = (float)(j->radiance.pix[i] * scale);
+        if (j->sigma)
+            j->sigma[i] = (float)(j->sigma[i] * scale);
+    }
+}
+
+/* Saturation-based speed (ISO 12232): the exposure that clips is H = 78/S lx s, and H = 0.65 L t / N^2
+ * behind a usual lens,
+ * so that L = 120 N^2 / (S t) cd/m2 reaches the highest code.  Radiance 1 does so in the time that
+ * job->shots calls exposure. */
+static int by_speed(job *j, errmsg *e)
+{
+    for (int k = 0; k < j->n; k++)
+        if (!(j->shots[k].f_number > 0) || !(j->shots[k].iso > 0))
+            return err_set(e, "%s: expected f-number and ISO in its EXIF data for --absolute, found none: give --calibrate",
+                           j->shots[k].path);
+    const shot *s = &j->shots[j->n / 2];
+    scale_all(j, 120 * s->f_number * s->f_number / s->iso * s->exposure / s->seconds / 179);
+    return 0;
+}
+
 static int to_absolute(job *j, errmsg *e)
 {
     const double *p = j->opts.patch;
@@ -256,12 +282,7 @@ static int to_absolute(job *j, errmsg *e)
     j->facts.scale = p[4] / patch_luminance(j->radiance.pix, ch, w, x, y, pw, ph, weight);
     if (!(j->facts.scale > 1e-30 && j->facts.scale < 1e30))
         return err_set(e, "--calibrate: expected a patch of positive luminance, found a scale of %g", j->facts.scale);
-    size_t n = (size_t)w * (size_t)h * (size_t)ch;
-    for (size_t i = 0; i < n; i++) {
-        j->radiance.pix[i] = (float)(j->radiance.pix[i] * j->facts.scale);
-        if (j->sigma)
-            j->sigma[i] = (float)(j->sigma[i] * j->facts.scale);
-    }
+    scale_all(j, j->facts.scale);
     return 0;
 }
 
@@ -322,6 +343,8 @@ int job_merge(job *j, errmsg *e)
     if (!bad) bad = job_develop(j, e);
     if (!bad && j->opts.patch[2] > 0)
         bad = to_absolute(j, e);
+    else if (!bad && j->opts.absolute)
+        bad = by_speed(j, e);
     if (!bad)
         count_flags(j);
     j->facts.merge_s += job_cpu_s() - t0;

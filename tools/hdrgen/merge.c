@@ -1,13 +1,15 @@
 /*
  * merge.c - the row kernels.
  *
- * Noise weights: X0 is y/t of the longest exposure that is not near clipping, or of the shortest if all are; then Fisher-scoring steps of the
+ * Noise weights: X0 is y/t of the longest exposure that is not near clipping, or of the shortest if all
+ * are; then Fisher-scoring steps of the
  * quasi-likelihood with everything but y taken from X0,
  *
  *     d ln X = sum w(e_k) (y_k/e_k - m(e_k)/e_k) / sum i(e_k),   e_k = X0 t_k,
  *
  * whose denominator is the information on ln X: sigma = X / sqrt(sum i).  Weights do not depend on a
- * sample's own noise, so dark samples are not favoured for being dark (Granados et al. 2010, sec. 4).  The step has a second
+ * sample's own noise, so dark samples are not favoured for being dark (Granados et al. 2010, sec. 4).  The
+ * step has a second
  * solution where a sample near the top may be clipped; the likelier one is taken, whatever X0 was.
  *
  * Debevec weights: ln X = sum w(z) (g(z) - ln t) / sum w(z), Debevec & Malik (1997), eq. 6.
@@ -83,10 +85,11 @@ static inline int first_inside(const merge *m, const uint16_t *const *codes, con
     return -1;
 }
 
-/* Where `first`, the longest exposure that is inside, is so dim that noise alone can have made it: the longest that is
+/* Where `first`, the longest exposure that is inside, is so dim that noise alone can have made it: the
+ * longest that is
  * black before it, which says more.  Else `first`: a longer one that is black by mistake says nothing. */
-static inline int black_before(const merge *m, const merge_channel *ch, const uint16_t *const *codes, const merge_row *row, int i, size_t at,
-                               int with_reject, int first, float dark)
+static inline int black_before(const merge *m, const merge_channel *ch, const uint16_t *const *codes,
+                               const merge_row *row, int i, size_t at, int with_reject, int first, float dark)
 {
     if (first <= 0 || ch->code[codes[first][at]].y - dark > ch->dim)
         return first;
@@ -138,13 +141,15 @@ static inline float solve(const merge *m, const merge_channel *ch, pixel *p, int
     return x;
 }
 
-/* ln likelihood of x: each sample as the tables expect it, or, rarely, anything at all.  A clipped sample may read as one
+/* ln likelihood of x: each sample as the tables expect it, or, rarely, anything at all.  A clipped sample
+ * may read as one
  * that is nearly so. */
 static float likelihood(const merge *m, const merge_channel *ch, const pixel *p, int with_reject, float x)
 {
     static const float anything = 1e-3f, not_white = 0.1f;
+    static const float depth = 0.03f; /* so far below the top, about, clipped pixels come out */
     const int base = (OCTAVES - grid_top_octave) * GRID, cell = cell_of(x) + base;
-    const float zone = ch->clip - ch->code[ch->safe].y, root_2pi = 2.5066f;
+    const float root_2pi = 2.5066f;
     float sum = 0;
     for (int s = p->from; s < m->n; s++) {
         if (with_reject && !counts(p->row, p->i, m->order[s]))
@@ -156,7 +161,7 @@ static float likelihood(const merge *m, const merge_channel *ch, const pixel *p,
             float beyond = z ? (e - ch->clip) / sd : (ch->black - e - p->dark) / sd;
             like = 1 / (1 + expf(-1.7f * fminf(fmaxf(beyond, -40), 40)));
         } else if (e >= ch->clip) {
-            like = z > ch->safe ? not_white / zone : 0;
+            like = not_white / (depth * ch->clip) * expf((ch->code[z].y - ch->clip) / (depth * ch->clip));
         } else {
             float r = (ch->code[z].y - p->dark - q->mean * e) / sd;
             like = expf(-0.5f * fminf(r * r, 80)) / (root_2pi * sd);
@@ -166,10 +171,13 @@ static float likelihood(const merge *m, const merge_channel *ch, const pixel *p,
     return sum;
 }
 
-/* The scoring ends at the solution nearest to its start, and there are two where samples near the top may be light or
- * clipped: x, from the sample at place `guess`, makes all longer ones clipped.  The likeliest of x and what these say
+/* The scoring ends at the solution nearest to its start, and there are two where samples near the top may
+ * be light or
+ * clipped: x, from the sample at place `guess`, makes all longer ones clipped.  The likeliest of x and
+ * what these say
  * on their own is where to end. */
-static float likeliest(const merge *m, const merge_channel *ch, pixel *p, int with_reject, int first, int guess, float x)
+static float likeliest(const merge *m, const merge_channel *ch, pixel *p, int with_reject, int first,
+                       int guess, float x)
 {
     float best = likelihood(m, ch, p, with_reject, x), start = 0;
     for (int s = first; s < guess; s++) {
@@ -215,7 +223,8 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
         p.dark = with_pedestal ? row->pedestal[at] : 0;
         p.used = 0;
         int first = first_inside(m, codes, row, i, at, with_reject, 0, ch->top - 1), guess = first;
-        /* a camera's clipped pixels may come out a little below the highest code: begin from one that is not near
+        /* a camera's clipped pixels may come out a little below the highest code: begin from one that is
+         * not near
          * it, else from the shortest, and the longer ones get the weight that its prediction gives them */
         if (first >= 0 && codes[first][at] > ch->safe) {
             guess = first_inside(m, codes, row, i, at, with_reject, first + 1, ch->safe);
@@ -251,9 +260,11 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
     }
 }
 
-/* Exposures longer than this can have nothing but clipped samples of a pixel: found from the longest sample that is not
+/* Exposures longer than this can have nothing but clipped samples of a pixel: found from the longest
+ * sample that is not
  * near the top, or else the shortest, if it is well known.  1/t, so that 0 is no limit. */
-static float clips_from(const merge *m, const merge_channel *ch, const merge_row *row, const uint16_t *const *codes, int i, size_t at)
+static float clips_from(const merge *m, const merge_channel *ch, const merge_row *row,
+                        const uint16_t *const *codes, int i, size_t at)
 {
     static const float well_known = 25; /* information on ln x: 20 % */
     pixel p = {.codes = codes, .row = row, .i = i, .at = at};

@@ -3,7 +3,8 @@
  *
  * A sample of true exposure e is recorded as a code after Gaussian noise (noise.h), rounding and the
  * two ends of the scale; y = finv(code).  The tables hold mean and variance of y given e and
- * given that it is not clipped at the top, so that the quasi-likelihood step in merge.c is free of the bias of
+ * given that it is not clipped at the top, so that the quasi-likelihood step in merge.c is free of the
+ * bias of
  * black clipping, rounding and of the choice of unclipped samples.
  */
 #include <math.h>

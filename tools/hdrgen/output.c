@@ -151,7 +151,7 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
     int na = 6;
     na += attrs_of_shots(attrs + na, seconds, j);
     na += attrs_of_colours(attrs + na, balance, j, o->path);
-    if (j->opts.patch[2] > 0) /* values are W/sr/m2: 179 lm/W is what white 1 is worth */
+    if (j->opts.patch[2] > 0 || j->opts.absolute) /* values are W/sr/m2: 179 lm/W is what white 1 is worth */
         attrs[na++] = (img_attr){.name = "whiteLuminance", .kind = IMG_ATTR_FLOAT, .v = {179}};
     img_write_opts w = {.type = *type_used == OUTPUT_HALF ? IMG_HALF : IMG_FLOAT, .compression = o->compression,
                         .planes = planes, .nplanes = np, .attrs = attrs, .nattrs = na, .comment = o->command};

@@ -1,9 +1,12 @@
 /*
  * white.c - see white.h.
  *
- * Two piles are looked for in each channel, over pairs of exposures k < l that are neighbours in time with t_l >= 1.15 t_k:
- *   - pixels with all but the same code in both (any light that is not clipped is a code or more brighter in l);
- *   - where there are few of those (one exposure clips at all): pixels with the same code in l, and nothing above it,
+ * Two piles are looked for in each channel, over pairs of exposures k < l that are neighbours in time with
+ * t_l >= 1.15 t_k:
+ *   - pixels with all but the same code in both (any light that is not clipped is a code or more brighter
+ * in l);
+ *   - where there are few of those (one exposure clips at all): pixels with the same code in l, and
+ * nothing above it,
  *     whose codes in k differ.
  * White is the lower end of the pile: codecs blur it over a few codes.
  */
@@ -132,7 +135,8 @@ static int one_in_the_longer(pile *p, int *other, const samples *s, int c, const
     return members >= LEAST && above <= stray * members && spread > differ * p->highest ? white : 0;
 }
 
-/* A channel in which too little is clipped to tell, and that has no code above the others' white, has theirs. */
+/* A channel in which too little is clipped to tell, and that has no code above the others' white, has
+ * theirs. */
 static void share(int clip[RESPONSE_MAX_CHANNELS], const samples *s)
 {
     int found = 0;
