@@ -302,10 +302,6 @@ static probe_facts read_all_facts(char *const *paths, int n)
         const probe_facts f = read_facts(r, paths[k]);
         img_reader_close(r);
         if (k == 0) first = f;
-        if (k == 0 && f.panorama_like)
-            cli_note("%s: its header does not say what it is: taken for a probe, the normal along its upper edge, %.4g degrees from "
-                     "it at the lower one (a panorama would come out mirrored: fishremap --from latlong makes a probe of it)",
-                     paths[0], polar_max_deg > 0 ? polar_max_deg : 90.);
         const double want = first.polar_max > 0 ? first.polar_max : PI / 2;
         if (polar_max_deg <= 0 && f.polar_max > 0 && fabs(f.polar_max - want) > 1e-4)
             cli_fail(CLI_FAILED, "%s: expected ilf:polarMax %.6g as in %s, found %.6g", paths[k], want,
@@ -348,7 +344,7 @@ int main(int argc, char **argv)
     spec.polar_max = polar_max_deg > 0     ? polar_max_deg * PI / 180
                      : facts.polar_max > 0 ? facts.polar_max
                                            : PI / 2;
-    const unseen u = find_unseen(argv + 1, n, spec.polar_max);
+    const unseen u = dry_run ? (unseen){.edge = spec.polar_max} : find_unseen(argv + 1, n, spec.polar_max);
     spec.polar_valid = polar_valid_deg > 0 ? polar_valid_deg * PI / 180 : facts.polar_valid;
     if (polar_valid_deg <= 0 && u.edge < (spec.polar_valid > 0 ? spec.polar_valid : spec.polar_max))
         spec.polar_valid = u.edge;
@@ -386,6 +382,10 @@ int main(int argc, char **argv)
     }
     if (ilf_writer_close(w, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     if (out_commit(out, &words) != 0) cli_fail(CLI_FAILED, "%s", words.text);
+    if (facts.panorama_like)
+        cli_note("%s: its header does not say what it is: taken for a probe, the normal along its upper edge, %.4g degrees from "
+                 "it at the lower one (a panorama would come out mirrored: fishremap --from latlong makes a probe of it)",
+                 argv[1], spec.polar_max * 180 / PI);
     if (below_zero.n)
         cli_note("%s: %lld of %lld values are below 0, down to %.3g: kept, and looked up as they are", target, (long long)below_zero.n,
                  (long long)below_zero.all, below_zero.least);

@@ -163,7 +163,7 @@ def test_lookups_are_literal(tmp_path):
 @pytest.mark.parametrize("kind", ["half", "float"])
 def test_packing_says_how_many(tmp_path, kind):
     import OpenEXR
-    p = np.random.default_rng(75).uniform(0.1, 1, (8, 16, 3)).astype(np.float32)
+    p = np.random.default_rng(75).uniform(0.1, 1, (8, 16, 3)).astype(np.float32).reshape(16, 8, 3)     # of no panorama's shape
     files = []
     for k, (n, least) in enumerate([(0, 0), (3, -0.25), (5, -0.125)]):
         q = p.copy()

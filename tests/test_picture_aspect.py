@@ -99,7 +99,7 @@ def test_a_disc_of_oblong_pixels_is_the_same_disc(tmp_path):
 
 
 def test_a_probe_has_angles_for_rows_and_columns(tmp_path):
-    a = hdr(tmp_path / "p.hdr", light(16, 8), "PIXASPECT=2\n")
+    a = hdr(tmp_path / "p.hdr", light(16, 16), "PIXASPECT=2\n")
     r = run_installed("ilfpack", "--grid", "1x1", "--plane", "0 0 0 1 0 0 0 1 0", "--type", "float", "-o", tmp_path / "o.ilf.exr", tmp_path / "p.hdr")
     assert r.err == "" and np.array_equal(read_mosaic(tmp_path / "o.ilf.exr")[1], a.astype(np.float32))
 

@@ -20,6 +20,7 @@ import OpenEXR
 
 TOP = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(TOP / "bench" / "hdrgen"))
+import align  # noqa: E402
 from series import expose, f_bump, f_srgb, make_series, scene, write_png, write_times  # noqa: E402
 
 HDRGEN = (TOP / os.environ.get("ILF_BUILD", "build") / "bin" / "hdrgen").resolve()
@@ -238,6 +239,21 @@ def real(work, shared):
     return result
 
 
+def moved(work, shared):
+    """The alignment table over the real series that are there."""
+    sets = {}
+    for name, folder, extra in (("memorial", "bracket_memorial_church", []), ("window", "bracket_window_nikon_e995", []),
+                                ("office", "fisheye_bracket_office_canon5d2_8mm", [])):
+        data = shared / "data" / folder
+        if not data.is_dir():
+            print(f"{folder}: not found, left out")
+            continue
+        lines = [line.split() for line in (data / "exposures.txt").read_text().splitlines() if line.strip() and line[0] != "#"]
+        lines = [x for x in lines if (data / x[0]).is_file()]
+        sets[name] = ([data / x[0] for x in lines], [float(x[1]) for x in lines], extra)
+    return align.table(work, sets, HDRGEN, rgb)
+
+
 def main():
     a = argparse.ArgumentParser()
     a.add_argument("--work", type=Path, required=True)
@@ -247,7 +263,8 @@ def main():
     rows = synthetic(work)
     person, lamps = moving_person(work), coloured_lamps(work)
     result = real(work, args.shared.resolve())
-    (work / "bench.json").write_text(json.dumps(dict(synthetic=rows, person=person, lamps=lamps, real=result), indent=1, default=float))
+    motion = moved(work, args.shared.resolve())
+    (work / "bench.json").write_text(json.dumps(dict(synthetic=rows, person=person, lamps=lamps, real=result, moved=motion), indent=1, default=float))
 
 
 if __name__ == "__main__":

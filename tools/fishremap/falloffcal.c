@@ -94,8 +94,8 @@ static double near_white(void)
     return cfg.linear ? 240 / 255. : 0.871;
 }
 
-/* Clipped: more than a few pixels at the highest code; or a source whose pixels pile up at a value that two others end at, too, though the
- * falloff differs: a camera's white below the highest code. */
+/* Clipped: more than a few pixels at the highest code; or a source whose pixels pile up at a code that two others end at, too, though the
+ * falloff differs: a camera's white below the highest code.  Radiance has no white: there a lens without falloff looks so. */
 static int is_clipped(const seen_top *t, int n, int i)
 {
     for (int c = 0; c < 3; c++) {
@@ -103,7 +103,7 @@ static int is_clipped(const seen_top *t, int n, int i)
         int alike = 0;
         if (t[i].white > 0 && v >= t[i].white * (1 - 1e-6) && t[i].share[c] > 0.02) return 1;
         /* bytes are coarse: an honest hump of a curve can end at one code in three pictures; only near the top is that a white */
-        if (t[i].share[c] < 0.3 || !(t[i].white > 0 ? v > near_white() * t[i].white : v > 0)) continue;
+        if (t[i].share[c] < 0.3 || !(t[i].white > 0 && v > near_white() * t[i].white)) continue;
         for (int k = 0; k < n; k++) alike += t[k].value[c] == v && t[k].share[c] >= 0.3;
         int above = 0;
         for (int k = 0; k < n; k++) above |= t[k].value[c] > v;

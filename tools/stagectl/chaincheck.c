@@ -1,6 +1,8 @@
 /* chaincheck.c - see chaincheck.h. */
 #include "chaincheck.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,6 +10,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "argwords.h"
 #include "camerawords.h"
 
 /* PREFIX/bin/PREFIX-stagectl -> PREFIX/bin/PREFIX-name, if it is there. */
@@ -21,41 +24,43 @@ static int sibling(char out[PATH_MAX], const char *name)
     return access(out, X_OK) == 0;
 }
 
-/* In single quotes for sh; malloc'd. */
-static char *quoted(const char *s)
+/* In the child: program with words in folder home, what it says into `to`. */
+static _Noreturn void become(const char *home, const char *program, char *const *words, int to)
 {
-    char *out = malloc(4 * strlen(s) + 3), *p = out;
-    if (!out) return NULL;
-    *p++ = '\'';
-    for (; *s; s++) {
-        if (*s == '\'') p = stpcpy(p, "'\\'");
-        *p++ = *s;
-    }
-    strcpy(p, "'");
-    return out;
+    int null = open("/dev/null", O_RDWR | O_CLOEXEC);
+    if (null >= 0 && chdir(home[0] ? home : ".") == 0 && dup2(null, 0) == 0 && dup2(null, 1) == 1 && dup2(to, 2) == 2)
+        execv(program, words);
+    _exit(127);
 }
 
-/* Its exit status, and the first line that it says. */
-static int ask(char line[512], const char *home, const char *program, const char *options, const char *rest,
-               errmsg *e)
+/* Its exit status, and the first line that it says; -1: it could not be run. */
+static int ask(char line[512], const char *home, const char *program, char *const *words, errmsg *e)
 {
-    char *at = quoted(home[0] ? home : "."), *run = quoted(program), *command = NULL;
-    FILE *f = NULL;
+    int ends[2], status = 0;
     line[0] = 0;
-    if (at && run &&
-        asprintf(&command, "cd %s && exec %s %s --dry-run %s 2>&1 >/dev/null </dev/null", at, run, options,
-                 rest) < 0)
-        command = NULL;
-    if (command) f = popen(command, "r");
-    free(at);
-    free(run);
-    free(command);
-    if (!f) return err_set(e, "out of memory");
+    if (pipe2(ends, O_CLOEXEC) != 0) return err_errno(e, "%s", program);
+    pid_t child = fork();
+    if (child == 0) become(home, program, words, ends[1]);
+    close(ends[1]);
+    FILE *f = child > 0 ? fdopen(ends[0], "r") : NULL;
+    if (!f) {
+        int rc = err_errno(e, "%s", program);
+        close(ends[0]);
+        return rc;
+    }
     if (fgets(line, 512, f)) line[strcspn(line, "\n")] = 0;
     for (char more[512]; fgets(more, sizeof more, f);) {
     }
-    int status = pclose(f);
-    return status != -1 && WIFEXITED(status) ? WEXITSTATUS(status) : 1;
+    fclose(f);
+    while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+    }
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 1;
+}
+
+/* Does a shell, which make gives them to, make something else of these words than argwords.h does? */
+static int wants_shell(const char *options)
+{
+    return options[strcspn(options, "$`*?[~;&|<>(){}!#\n")] != 0;
 }
 
 int chain_check(char words[256], const session *s, errmsg *e)
@@ -76,7 +81,16 @@ int chain_check(char words[256], const session *s, errmsg *e)
             snprintf(words, 256, "options not checked: %s is not beside this program", name[k]);
             return 0;
         }
-        int status = ask(line, s->home_folder, program, options[k], rest[k], e);
+        if (wants_shell(options[k])) {
+            snprintf(words, 256, "options of %s not checked: they need a shell", name[k]);
+            continue;
+        }
+        argwords w;
+        char *all = NULL;
+        if (asprintf(&all, "%s --dry-run %s %s", name[k], options[k], rest[k]) < 0) return err_set(e, "out of memory");
+        int bad = argwords_split(&w, all, e), status = bad ? -1 : ask(line, s->home_folder, program, w.word, e);
+        if (!bad) argwords_free(&w);
+        free(all);
         if (status < 0) return -1;
         if (status != 0)
             return err_set(e, "[chain] %s: %s", name[k],
