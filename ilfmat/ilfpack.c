@@ -340,7 +340,7 @@ int main(int argc, char **argv)
     spec.polar_max = polar_max_deg > 0     ? polar_max_deg * PI / 180
                      : facts.polar_max > 0 ? facts.polar_max
                                            : PI / 2;
-    const unseen u = find_unseen(argv + 1, n, spec.polar_max);
+    const unseen u = dry_run ? (unseen){.edge = spec.polar_max} : find_unseen(argv + 1, n, spec.polar_max);
     spec.polar_valid = polar_valid_deg > 0 ? polar_valid_deg * PI / 180 : facts.polar_valid;
     if (polar_valid_deg <= 0 && u.edge < (spec.polar_valid > 0 ? spec.polar_valid : spec.polar_max))
         spec.polar_valid = u.edge;
