@@ -299,6 +299,21 @@ static void leave_stage_still(capture_run *r, stage_code why)
         r->say("stage: its position is lost");
 }
 
+/* What the session's first picture said of f-number and ISO, as far as it is on record. */
+static void first_of(capture_run *r)
+{
+    for (long index = 0; index < plan_places(r->s) && !(r->first[0] > 0 && r->first[1] > 0); index++) {
+        place p;
+        plan_place(&p, r->s, index);
+        const journal_shot *t = journal_at(r->j, p.i, p.j)->shot;
+        for (int k = 0; t && k < r->s->exposures; k++) {
+            if (!t[k].taken) continue;
+            if (!(r->first[0] > 0)) r->first[0] = t[k].f_number;
+            if (!(r->first[1] > 0)) r->first[1] = t[k].iso;
+        }
+    }
+}
+
 /* Again and again, with --keep-trying.  When it was the camera the stage stays as it is, idle. */
 static stage_code try_all_places(capture_run *r, errmsg *e)
 {
@@ -324,6 +339,7 @@ stage_code capture_all(capture_run *r, errmsg *e)
     stage_code c = STAGE_FAILED;
     if (reconcile(r->j, r->s, 0, 1, r->say, e) >= 0 && journal_run(r->j, e) == 0) {
         r->now.shots = journal_shots(r->j);
+        first_of(r);
         c = open_files(r, e);
         if (c == STAGE_OK) c = wait_for_camera(r, e);
         if (c == STAGE_OK) c = try_all_places(r, e);
