@@ -36,7 +36,7 @@ def photo(path, seconds=None, f_number=None, iso=None, seed=1):
         tags[34665] = dict(facts)
         Image.fromarray(pixels).save(path, tiffinfo=tags)
         return path
-    Image.fromarray(pixels).save(path, **({"exif": exif} if len(facts) else {}))
+    Image.fromarray(pixels).save(path, **({"exif": exif.tobytes()} if len(facts) else {}))
     return path
 
 
