@@ -571,3 +571,75 @@ def test_gphoto2_saving_two_files_under_one_name(tmp_path):
     path = session(tmp_path, f"{fake} {{file}}", grid=ONE, camera={"exposures": "0.25"}, output={"file": "{i}_{j}/{k}.jpg"})
     with Stage(tmp_path) as stage:
         assert "it saved 2 files under one name" in take(path, stage, code=1).err
+
+
+# ---- the same picture at the same place -------------------------------------------------------------------------------
+
+# What a camera sees that stands where the stage truly is: waves, 10 pixels a mm; its noise, and a lamp of any strength.
+LOOKING = """import math, os, random, socket, sys
+truth, mx, my, out = sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), sys.argv[4]
+with socket.socket(socket.AF_UNIX) as s:
+    s.connect(truth)
+    x, y = map(float, s.makefile().readline().split()[:2])
+lamp = float(open(sys.argv[5]).read()) if os.path.exists(sys.argv[5]) else 1
+dx, dy, n = 10 * (x - mx), 10 * (y - my), 96
+noise = random.Random()
+def value(i, j):
+    u, v = i - dx, j - dy
+    w = 3 + math.sin(u / 7) + math.cos(v / 5 + 1) + math.sin((u + v) / 11)
+    return min(255, max(0, round(lamp * 35 * w + noise.gauss(0, 1))))
+open(out, "wb").write(b"P5\\n96 96\\n255\\n" + bytes(value(i, j) for j in range(n) for i in range(n)))
+"""
+
+
+def looking(tmp_path, stage, **sections):
+    command = f"{PYTHON} {script(tmp_path, LOOKING, 'looking.py')} {stage.truth_path} {{mx}} {{my}} {{file}} {tmp_path}/lamp"
+    sections.setdefault("grid", {"nodes": "6x1"})
+    return session(tmp_path, command, camera={"exposures": "0.25", "check_picture": 2, **sections.pop("camera", {})},
+                   output={"file": "{i}_{j}/{k}.pgm"}, **sections)
+
+
+def checks(folder):
+    return [list(map(float, r[1:])) for r in journal(folder) if r[0] == "check"]
+
+
+def test_the_same_picture_at_the_same_place(tmp_path):
+    with Stage(tmp_path) as stage:
+        r = take(looking(tmp_path, stage), stage)
+        assert "differs" not in r.err and "6 exposures on disk (6 taken now)" in r.err
+        found = checks(tmp_path / "out")
+        assert len(found) == 3 and all(c[:3] == [0, 0, 0] and c[3] < 2 * c[4] and abs(c[5]) < 0.3 and abs(c[6]) < 0.3 for c in found)
+    assert not list((tmp_path / "out").glob(".shot*")) and "0 missing" in run("stagectl", "verify", tmp_path / "session.conf").text
+
+
+def test_lost_steps_show_in_the_picture(tmp_path):
+    """Two mm are lost in the seventh move: the next check says so, and which places are in doubt."""
+    with Stage(tmp_path, "--fault", "slip@7") as stage:
+        r = take(looking(tmp_path, stage), stage)
+        where = [c for c in checks(tmp_path / "out") if c[3] > 0.3]
+        said = re.findall(r"node 0,0 differs .* displaced by ([-\d.]+),([-\d.]+) pixels: .* in doubt: the (\d) places? from node (\d),0 on", r.err)
+        assert said and len(said) == len(where)
+    assert [s[2:] for s in said] == [("2", "2"), ("4", "2")]       # until a check agrees they grow in number
+
+
+def test_another_lamp_is_no_other_place(tmp_path):
+    with Stage(tmp_path) as stage:
+        path = looking(tmp_path, stage, grid={"nodes": "2x1"})
+        take(path, stage)
+        (tmp_path / "lamp").write_text("0.8")
+        shutil.rmtree(tmp_path / "out/1_0")
+        assert "differs" not in take(path, stage).err      # a session gone on with is checked before its first place
+        assert len(checks(tmp_path / "out")) == 3
+
+
+def test_a_camera_that_was_pushed_overnight(tmp_path):
+    """0.1 mm is a pixel here: found to a tenth, with its sign, before the first place of the second day."""
+    with Stage(tmp_path) as stage:
+        path = looking(tmp_path, stage, grid={"nodes": "2x1"})
+        take(path, stage)
+        shutil.rmtree(tmp_path / "out/1_0")
+        text = (tmp_path / "looking.py").read_text()
+        script(tmp_path, text.replace("10 * (x - mx), 10 * (y - my)", "0.8, -0.5"), "looking.py")
+        err = take(path, stage).err
+    dx, dy = map(float, re.search(r"displaced by ([-\d.]+),([-\d.]+) pixels: camera, stage or light has changed; in doubt: what is", err).groups())
+    assert dx == pytest.approx(0.8, abs=0.1) and dy == pytest.approx(-0.5, abs=0.1)

@@ -9,6 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "cameracheck.h"
 #include "deadline.h"
 #include "files.h"
 #include "leftover.h"
@@ -224,6 +225,7 @@ static stage_code visit(capture_run *r, const place *p, int needed, double at[2]
     }
     if (needed && !r->stage->port) {
         c = ready_stage(r, e);
+        if (c == STAGE_OK) c = camera_check(r, p, 1, 0, at, from, e);
         r->started_s = now_s();
     }
     if (needed && c == STAGE_OK) {
@@ -234,6 +236,7 @@ static stage_code visit(capture_run *r, const place *p, int needed, double at[2]
     }
     if (c == STAGE_OK) c = finish_place(r, p, e);
     if (c == STAGE_OK && needed) show(r, "done");
+    if (c == STAGE_OK && needed) c = camera_check(r, p, 0, 0, at, from, e);
     return c;
 }
 
@@ -267,7 +270,7 @@ static stage_code once_over(capture_run *r, int only_missing, long *left, errmsg
         *left += left_for_later(r, &c, e);
         if (c != STAGE_OK) return c;
     }
-    return STAGE_OK;
+    return camera_check(r, NULL, 0, 1, at, &from, e);
 }
 
 static stage_code all_places(capture_run *r, errmsg *e)

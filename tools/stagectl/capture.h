@@ -33,6 +33,15 @@ typedef struct trying {
     errmsg said;
 } trying;
 
+/* What checks of the camera remember (cameracheck.h). */
+typedef struct camera_checks {
+    int unchecked; /* places since the last check */
+    long since;    /* places since the last check that agreed, */
+    int i, j;      /* the first of them */
+    long at;       /* what is compared: index of its place + 1, 0 = not chosen yet; */
+    int k;         /* its exposure */
+} camera_checks;
+
 typedef struct capture_run {
     const session *s;
     journal *j;
@@ -51,6 +60,7 @@ typedef struct capture_run {
     int told;               /* what has been said once: TOLD_... */
     uint64_t told_time;     /* exposures whose time was said to be another */
     trying trying;
+    camera_checks checks;
     int camera_failed;      /* the last failure was the camera's */
     place pending_at; /* recorded but not synced and renamed yet: these exposures of this place */
     int pending[EXPOSURES_MAX], n_pending;
@@ -69,6 +79,10 @@ long reconcile(journal *j, const session *s, int full, int repair, void (*tell)(
 
 /* Sync, then give the pending exposures their names. */
 int shots_commit(capture_run *r, errmsg *e);
+
+/* Take exposure k there for a comparison: a temporary file in the session's folder, and nothing on record.
+ * siblings_remove takes it away. */
+stage_code shot_try(capture_run *r, const place *p, const double arrived[2], int k, char temp[40], errmsg *e);
 
 /* Take exposure k at a place and journal it; commits what is pending once a second has passed. */
 stage_code shot_take(capture_run *r, const place *p, const double arrived[2], int k, errmsg *e);

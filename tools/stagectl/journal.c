@@ -134,6 +134,7 @@ static int replay(journal *j, const char *w)
     int i, jj, k, at = 0;
     double x, y;
     journal_shot t = {0};
+    if (!strncmp(w, "check ", 6)) return 0; /* for the reader */
     if (!strncmp(w, "run ", 4)) { /* a run ended before the shot that these were ahead of */
         forget_ahead(j);
         return 0;
@@ -441,4 +442,9 @@ int journal_done(journal *j, int i, int jj, errmsg *e)
 {
     journal_at(j, i, jj)->done = 1;
     return journal_append(j, e, "done %d %d", i, jj);
+}
+
+int journal_check(journal *j, int i, int jj, int k, const double f[4], errmsg *e)
+{
+    return journal_append(j, e, "check %d %d %d %.4g %.4g %.3f %.3f", i, jj, k, f[0], f[1], f[2], f[3]);
 }

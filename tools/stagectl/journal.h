@@ -18,6 +18,7 @@
  *   shot I J K SIZE MTIME DIGEST CLIP BLACK TEMP NAME
  *                                 exposure K is on disk under the name TEMP and about to be renamed to NAME
  *   done I J                      the place is finished
+ *   check I J K SHARE NOISE X Y   its exposure K taken again and compared (cameracheck.h)
  *
  * The shot is recorded, and record and file are synced, before the rename: whatever happens between the two,
  * the next run finds either the whole file under its name or the whole file under the temporary one, and the
@@ -100,5 +101,6 @@ int journal_arrived(journal *j, int i, int jj, const double xy[2], errmsg *e);
 int journal_shot_taken(journal *j, int i, int jj, int k, const journal_shot *shot, const char *name,
                        errmsg *e);
 int journal_done(journal *j, int i, int jj, errmsg *e);
+int journal_check(journal *j, int i, int jj, int k, const double found[4], errmsg *e);
 
 #endif

@@ -55,6 +55,8 @@ const session_key session_keys[] = {
     {"camera", "black_level", KEY_NUMBER, AT(black_level), 0, 0.99, "0.02", 1, "auto: a pixel is black up to this share of the highest code"},
     {"camera", "circle", KEY_NUMBER, AT(circle), 0, 10, "0.97", 1, "radius of the image circle over half the shorter side: what lies outside does not count for auto, nor for hdrgen's counts; 0 = whole picture"},
     {"camera", "check", KEY_CHECK, AT(check), 0, 0, "decode", 0, "what makes a file good: decode (all of it can be read) or size (not empty)"},
+    {"camera", "check_picture", KEY_WHOLE, AT(check_picture), 0, 1e6, "0", 0, "after each so many places, at the end and on going on: the first place's picture twice more, compared with the one on record; 0 = never"},
+    {"camera", "check_difference", KEY_NUMBER, AT(check_difference), 0, 1, "0.02", 0, "share of its contrast by which it may differ (and twice what two in a row do)"},
     {"camera", "overhead", KEY_NUMBER, AT(overhead), 0, 3600, "0", 0, "for the plan's times: s per exposure besides the exposure"},
     {"camera", "file_mb", KEY_NUMBER, AT(file_mb), 0, 1e5, "1", 0, "for the plan's space: size of a file in MB"},
     {"output", "folder", KEY_TEXT, AT(folder), 0, 0, NULL, 0, "where journal and pictures go, relative to the session file"},

@@ -209,6 +209,19 @@ static stage_code record(capture_run *r, journal_shot *t, const place *p, int k,
     return now_s() < r->committed_s + 1 || shots_commit(r, e) == 0 ? STAGE_OK : STAGE_FAILED;
 }
 
+stage_code shot_try(capture_run *r, const place *p, const double arrived[2], int k, char temp[40], errmsg *e)
+{
+    char name[NAME_ROOM];
+    journal_shot t;
+    r->camera_failed = 0;
+    if (name_picture(name, r->s, p->i, p->j, k, e) != 0) return STAGE_FAILED;
+    stage_code code = try_for(r, &t, p, arrived, k, name + name_stem(name), e);
+    if (code != STAGE_OK) return code;
+    free(t.beside);
+    snprintf(temp, 40, "%s", t.temp);
+    return r->stage->driver->check(r->stage, e);
+}
+
 stage_code shot_take(capture_run *r, const place *p, const double arrived[2], int k, errmsg *e)
 {
     const session *s = r->s;
