@@ -73,8 +73,9 @@ static void last_words(char out[200], int fd, off_t from)
     snprintf(out, 200, "%.*s", n > start ? (int)(n - start) : 0, buf + start);
 }
 
-/* How often does the log hold the text after byte `from`?  Read in pieces that overlap by less than the text. */
-static int said(int fd, off_t from, const char *text, size_t len)
+/* How often does the log hold the text after byte `from`, and where (NULL: never mind) first?  Read in pieces that
+ * overlap by less than the text. */
+static int said(off_t *where, int fd, off_t from, const char *text, size_t len)
 {
     char buf[8192];
     size_t kept = 0;
@@ -83,22 +84,37 @@ static int said(int fd, off_t from, const char *text, size_t len)
     for (ssize_t n; (n = pread(fd, buf + kept, sizeof buf - kept, from)) > 0; from += n) {
         size_t have = kept + (size_t)n;
         char *at = buf;
-        for (char *hit; (hit = memmem(at, have - (size_t)(at - buf), text, len)); at = hit + len) times++;
+        for (char *hit; (hit = memmem(at, have - (size_t)(at - buf), text, len)); at = hit + len)
+            if (times++ == 0 && where) *where = from - (off_t)kept + (hit - buf);
         kept = have - (size_t)(at - buf) < len ? have - (size_t)(at - buf) : len - 1;
         memmove(buf, buf + have - kept, kept);
     }
     return times;
 }
 
+/* 200 bytes of the log from there on as one line. */
+static void words_at(char out[200], int fd, off_t at)
+{
+    char buf[200];
+    ssize_t n = pread(fd, buf, sizeof buf - 1, at);
+    size_t k = 0;
+    for (ssize_t i = 0; i < n; i++) {
+        const int blank = (unsigned char)buf[i] <= ' ';
+        if (!blank || (k > 0 && out[k - 1] != ' ')) out[k++] = blank ? ' ' : buf[i];
+    }
+    while (k > 0 && out[k - 1] == ' ') k--;
+    out[k] = 0;
+}
+
 /* The first of the texts parted by | that the log holds after byte `from`: its length, or 0. */
-static int said_one_of(const char **which, int fd, off_t from, const char *texts)
+static int said_one_of(const char **which, off_t *where, int fd, off_t from, const char *texts)
 {
     for (const char *p = texts; *p;) {
         p += strspn(p, " |");
         size_t len = strcspn(p, "|"), whole = len;
         while (len > 0 && p[len - 1] == ' ') len--;
         *which = p;
-        if (said(fd, from, p, len)) return (int)len;
+        if (said(where, fd, from, p, len)) return (int)len;
         p += whole;
     }
     return 0;
@@ -108,12 +124,15 @@ static int said_one_of(const char **which, int fd, off_t from, const char *texts
 static camera_result judge_words(const camera_limits *l, off_t from, const char *last, errmsg *e)
 {
     const char *text;
-    int len = said_one_of(&text, l->log_fd, from, l->error_text), saved;
+    char words[200];
+    off_t where = from;
+    int len = said_one_of(&text, &where, l->log_fd, from, l->error_text), saved;
+    words_at(words, l->log_fd, where);
     if (len > 0)
-        err_set(e, "camera: it said '%.*s': %s", len, text, last);
-    else if (l->expect_text[0] && !said(l->log_fd, from, l->expect_text, strlen(l->expect_text)))
+        err_set(e, "camera: it said '%.*s': %s", len, text, words);
+    else if (l->expect_text[0] && !said(NULL, l->log_fd, from, l->expect_text, strlen(l->expect_text)))
         err_set(e, "camera: expected it to say '%s', its last line is '%s'", l->expect_text, last);
-    else if (l->saves_one && (saved = said(l->log_fd, from, "Saving file as ", 15)) > 1)
+    else if (l->saves_one && (saved = said(NULL, l->log_fd, from, "Saving file as ", 15)) > 1)
         err_set(e, "camera: it saved %d files under one name, each over the one before (raw and JPEG?): expected "
                    "--filename {stem}.%%C", saved);
     else
