@@ -38,17 +38,23 @@ int asked_differs(const picture_says *p, const session *s, int k)
     return p->seconds > 0 && apart(p->seconds, s->exposure[k], s->time_tolerance);
 }
 
-static int same(const char *what, const char *key, double is, double asked, double first, double tolerance, errmsg *e)
+static int same(const char *what, const char *key, double is, double asked, double first, double tolerance,
+                errmsg *e)
 {
     if (asked < 0) return 0; /* not to be looked at */
     double want = asked > 0 ? asked : first;
     if (!(want > 0) || (is > 0 && !apart(is, want, tolerance))) return 0;
     if (!(is > 0))
-        return asked > 0 ? err_set(e, "camera: expected %s %g as asked, the picture doesn't say it", what, want) : 0;
-    return asked > 0 ? err_set(e, "camera: expected %s %g as asked, the picture says %g", what, want, is)
-                     : err_set(e, "camera: expected %s %g as in the session's first picture, this one says %g ([camera] "
-                                  "%s = -1: not looked at)",
-                               what, want, is, key);
+        return asked > 0
+                   ? err_set(e, "camera: expected %s %g as asked, the picture doesn't say it", what, want)
+                   : 0;
+    return asked > 0
+               ? err_set(e, "camera: expected %s %g as asked, the picture says %g", what, want, is)
+               : err_set(
+                     e,
+                     "camera: expected %s %g as in the session's first picture, this one says %g ([camera] "
+                     "%s = -1: not looked at)",
+                     what, want, is, key);
 }
 
 int asked_compare(const picture_says *p, const session *s, int k, const double first[2], errmsg *e)
@@ -56,9 +62,11 @@ int asked_compare(const picture_says *p, const session *s, int k, const double f
     if (s->list_times == TIMES_EXIF && !(p->seconds > 0))
         return err_set(e, "camera: times = exif, but the picture doesn't say its exposure time");
     if (s->list_times == TIMES_ASKED && asked_differs(p, s, k))
-        return err_set(e, "camera: asked for %.6g s, the picture says %.6g s (a factor %.3g; times = exif takes it as "
-                          "it is, time_tolerance says how far apart they may be)",
-                       s->exposure[k], p->seconds, p->seconds / s->exposure[k]);
+        return err_set(
+            e,
+            "camera: asked for %.6g s, the picture says %.6g s (a factor %.3g; times = exif takes it as "
+            "it is, time_tolerance says how far apart they may be)",
+            s->exposure[k], p->seconds, p->seconds / s->exposure[k]);
     if (same("f-number", "f_number", p->f_number, s->f_number, first[0], 0.05, e) != 0) return -1;
     return same("ISO", "iso", p->iso, s->iso, first[1], 0.10, e);
 }

@@ -18,9 +18,9 @@ typedef struct picture_says {
 /* Never fails: what can't be read is not said. */
 void asked_read(picture_says *p, const char *path);
 
-/* Compare with the session: the time of exposure k within time_tolerance (a ratio), or, with times = exif, there
- * at all; f-number within 5 % and ISO within 10 % of what the session asks, or else of `first`, what the
- * session's first picture said (zeros: nothing yet).  The words say what differs. */
+/* Compare with the session: the time of exposure k within time_tolerance (a ratio), or, with times = exif,
+ * there at all; f-number within 5 % and ISO within 10 % of what the session asks, or else of `first`, what
+ * the session's first picture said (zeros: nothing yet).  The words say what differs. */
 int asked_compare(const picture_says *p, const session *s, int k, const double first[2], errmsg *e);
 
 /* Is the picture's time another than asked, beyond the tolerance? */

@@ -73,8 +73,8 @@ static void last_words(char out[200], int fd, off_t from)
     snprintf(out, 200, "%.*s", n > start ? (int)(n - start) : 0, buf + start);
 }
 
-/* How often does the log hold the text after byte `from`, and where (NULL: never mind) first?  Read in pieces that
- * overlap by less than the text. */
+/* How often does the log hold the text after byte `from`, and where (NULL: never mind) first?  Read in pieces
+ * that overlap by less than the text. */
 static int said(off_t *where, int fd, off_t from, const char *text, size_t len)
 {
     char buf[8192];
@@ -133,8 +133,11 @@ static camera_result judge_words(const camera_limits *l, off_t from, const char 
     else if (l->expect_text[0] && !said(NULL, l->log_fd, from, l->expect_text, strlen(l->expect_text)))
         err_set(e, "camera: expected it to say '%s', its last line is '%s'", l->expect_text, last);
     else if (l->saves_one && (saved = said(NULL, l->log_fd, from, "Saving file as ", 15)) > 1)
-        err_set(e, "camera: it saved %d files under one name, each over the one before (raw and JPEG?): expected "
-                   "--filename {stem}.%%C", saved);
+        err_set(
+            e,
+            "camera: it saved %d files under one name, each over the one before (raw and JPEG?): expected "
+            "--filename {stem}.%%C",
+            saved);
     else
         return CAMERA_OK;
     return CAMERA_FAILED;

@@ -19,7 +19,10 @@ static int reference(place *p, int *k, char path[4096], capture_run *r, errmsg *
     if (t->at > 0) {
         plan_place(p, s, t->at - 1);
         *k = t->k;
-        return name_picture(name, s, p->i, p->j, *k, e) != 0 || files_join(path, 4096, s->folder, name, e) != 0 ? -1 : 1;
+        return name_picture(name, s, p->i, p->j, *k, e) != 0 ||
+                       files_join(path, 4096, s->folder, name, e) != 0
+                   ? -1
+                   : 1;
     }
     for (long index = 0; index < plan_places(s); index++) {
         plan_place(p, s, index);
@@ -28,7 +31,8 @@ static int reference(place *p, int *k, char path[4096], capture_run *r, errmsg *
         for (int q = 0; jp->done && jp->shot && q < s->exposures; q++) {
             double contrast;
             if (!jp->shot[q].taken) continue;
-            if (name_picture(name, s, p->i, p->j, q, e) != 0 || files_join(other, sizeof other, s->folder, name, e) != 0 ||
+            if (name_picture(name, s, p->i, p->j, q, e) != 0 ||
+                files_join(other, sizeof other, s->folder, name, e) != 0 ||
                 picture_contrast(&contrast, other, s->circle, e) != 0)
                 return -1;
             if (contrast <= best) continue;
@@ -75,16 +79,18 @@ static void tell(capture_run *r, const place *p, const picture_difference d[2])
     char doubt[100] = "what is on record";
     errmsg words;
     if (t->since > 0)
-        snprintf(doubt, sizeof doubt, "the %ld place%s from node %d,%d on", t->since, t->since == 1 ? "" : "s", t->i, t->j);
+        snprintf(doubt, sizeof doubt, "the %ld place%s from node %d,%d on", t->since,
+                 t->since == 1 ? "" : "s", t->i, t->j);
     err_set(&words,
-            "the picture at node %d,%d differs from the one on record by %.2g %% of its contrast (two in a row: %.2g %%), "
+            "the picture at node %d,%d differs from the one on record by %.2g %% of its contrast (two in a "
+            "row: %.2g %%), "
             "as if displaced by %.2g,%.2g pixels: camera, stage or light has changed; in doubt: %s",
             p->i, p->j, 100 * d[0].share, 100 * d[1].share, d[0].shift[0], d[0].shift[1], doubt);
     if (r->say) r->say(words.text);
 }
 
-stage_code camera_check(capture_run *r, const place *last, int begin, int end, double at[2], const double **from,
-                        errmsg *e)
+stage_code camera_check(capture_run *r, const place *last, int begin, int end, double at[2],
+                        const double **from, errmsg *e)
 {
     camera_checks *t = &r->checks;
     picture_difference d[2] = {0};
@@ -105,7 +111,8 @@ stage_code camera_check(capture_run *r, const place *last, int begin, int end, d
     if (c != STAGE_OK) return c;
     memcpy(at, p.machine, 2 * sizeof *at);
     *from = at;
-    if (journal_check(r->j, p.i, p.j, k, (double[4]){d[0].share, d[1].share, d[0].shift[0], d[0].shift[1]}, e) != 0)
+    if (journal_check(r->j, p.i, p.j, k, (double[4]){d[0].share, d[1].share, d[0].shift[0], d[0].shift[1]},
+                      e) != 0)
         return STAGE_FAILED;
     if (d[0].share > r->s->check_difference && d[0].share > 2 * d[1].share)
         tell(r, &p, d);

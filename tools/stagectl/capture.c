@@ -70,7 +70,8 @@ static int write_times(const capture_run *r, const place *p, errmsg *e)
         }
         const char *slash = strrchr(name, '/'), *base = slash ? slash + 1 : name;
         fprintf(out_stream(o), strpbrk(base, " \t") ? "\"%s\" %.10g\n" : "%s %.10g\n", base,
-                s->list_times == TIMES_EXIF && jp->shot[k].seconds > 0 ? jp->shot[k].seconds : s->exposure[k]);
+                s->list_times == TIMES_EXIF && jp->shot[k].seconds > 0 ? jp->shot[k].seconds
+                                                                       : s->exposure[k]);
     }
     return out_commit(o, e);
 }
@@ -110,12 +111,16 @@ static stage_code wait_for_camera(capture_run *r, errmsg *e)
     errmsg words;
     int told = 0;
     for (long pid; (pid = leftover_find(r->camera_fd, name, sizeof name)) != 0;) {
-        err_set(&words, "a camera command of an earlier run is still at work (process %ld, %s); waiting for it", pid,
+        err_set(&words,
+                "a camera command of an earlier run is still at work (process %ld, %s); waiting for it", pid,
                 name);
         if (!told++ && r->say) r->say(words.text);
         if (now_s() > until) {
-            err_set(e, "%s: a camera command of an earlier run does not end: process %ld, %s; end it (kill %ld) and "
-                       "start again", r->s->folder, pid, name, pid);
+            err_set(
+                e,
+                "%s: a camera command of an earlier run does not end: process %ld, %s; end it (kill %ld) and "
+                "start again",
+                r->s->folder, pid, name, pid);
             return STAGE_FAILED;
         }
         if (signals_pause(0.05) != 0) {
@@ -216,7 +221,8 @@ static stage_code take_place(capture_run *r, const place *p, const double *from,
 }
 
 /* *from: where it comes from; NULL = unknown side, after homing or a resume. */
-static stage_code visit(capture_run *r, const place *p, int needed, double at[2], const double **from, errmsg *e)
+static stage_code visit(capture_run *r, const place *p, int needed, double at[2], const double **from,
+                        errmsg *e)
 {
     stage_code c = STAGE_OK;
     if (signals_number()) {
@@ -282,7 +288,8 @@ static stage_code all_places(capture_run *r, errmsg *e)
     if (c == STAGE_OK && left > 0) c = once_over(r, 1, &left, e);
     if (c != STAGE_OK || left == 0) return c;
     why = *e;
-    err_set(e, "%ld place%s still without all exposures; the last: %s", left, left == 1 ? " is" : "s are", why.text);
+    err_set(e, "%ld place%s still without all exposures; the last: %s", left, left == 1 ? " is" : "s are",
+            why.text);
     r->camera_failed = 1;
     return STAGE_FAILED;
 }

@@ -55,13 +55,13 @@ typedef struct capture_run {
     long shots_left_out; /* auto: exposures that no place needed */
     long shots_taken;    /* in this run */
     /* the capture's own */
-    int log_fd, camera_fd;  /* the camera's words; its process group (leftover.h) */
-    double first[2];        /* f-number and ISO of the session's first picture; 0 = not known */
-    int told;               /* what has been said once: TOLD_... */
-    uint64_t told_time;     /* exposures whose time was said to be another */
+    int log_fd, camera_fd; /* the camera's words; its process group (leftover.h) */
+    double first[2];       /* f-number and ISO of the session's first picture; 0 = not known */
+    int told;              /* what has been said once: TOLD_... */
+    uint64_t told_time;    /* exposures whose time was said to be another */
     trying trying;
     camera_checks checks;
-    int camera_failed;      /* the last failure was the camera's */
+    int camera_failed; /* the last failure was the camera's */
     place pending_at; /* recorded but not synced and renamed yet: these exposures of this place */
     int pending[EXPOSURES_MAX], n_pending;
     double committed_s;

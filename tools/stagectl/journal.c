@@ -17,7 +17,6 @@
 
 #include "journal_internal.h"
 #include "leftover.h"
-#include "names.h"
 #include "outfile.h"
 
 static const char heading[] = "stagectl-journal 1";
@@ -53,65 +52,10 @@ const double *journal_last_arrived(const journal *j)
     return j->has_last ? j->last : NULL;
 }
 
-static journal_place *node(journal *j, int i, int jj)
+journal_place *journal_node(journal *j, int i, int jj)
 {
     int ok = i >= 0 && jj >= 0 && i < j->s->nodes[0] && jj < j->s->nodes[1];
     return ok ? journal_at(j, i, jj) : NULL;
-}
-
-/* Takes shot->beside over. */
-static int note_shot(journal *j, journal_place *p, int k, const journal_shot *shot)
-{
-    int ok = p && k >= 0 && k < j->s->exposures;
-    if (ok && !p->shot) p->shot = calloc((size_t)j->s->exposures, sizeof *p->shot);
-    if (!ok || !p->shot) {
-        free(shot->beside);
-        return -1;
-    }
-    free(p->shot[k].beside);
-    p->shot[k] = *shot;
-    p->shot[k].taken = 1;
-    return 0;
-}
-
-/* ---- what stands before a shot's own record ---------------------------------------------------- */
-
-static void forget_ahead(journal *j)
-{
-    free(j->next.beside);
-    j->next = (journal_shot){0};
-    j->ahead[0] = -1;
-}
-
-static void ahead_of(journal *j, int i, int jj, int k)
-{
-    if (j->ahead[0] != i || j->ahead[1] != jj || j->ahead[2] != k) forget_ahead(j);
-    j->ahead[0] = i;
-    j->ahead[1] = jj;
-    j->ahead[2] = k;
-}
-
-static int note_beside(journal *j, const journal_file *f)
-{
-    journal_file *more = realloc(j->next.beside, (size_t)(j->next.n_beside + 1) * sizeof *more);
-    if (!more) return -1;
-    j->next.beside = more;
-    more[j->next.n_beside++] = *f;
-    return 0;
-}
-
-static int replay_shot(journal *j, int i, int jj, int k, journal_shot *t)
-{
-    if (j->ahead[0] == i && j->ahead[1] == jj && j->ahead[2] == k) {
-        t->seconds = j->next.seconds;
-        t->f_number = j->next.f_number;
-        t->iso = j->next.iso;
-        t->beside = j->next.beside;
-        t->n_beside = j->next.n_beside;
-        j->next = (journal_shot){0};
-    }
-    forget_ahead(j);
-    return note_shot(j, node(j, i, jj), k, t);
 }
 
 /* What is on record counts no longer, but its files are known to be ours. */
@@ -135,8 +79,8 @@ static int replay(journal *j, const char *w)
     double x, y;
     journal_shot t = {0};
     if (!strncmp(w, "check ", 6)) return 0; /* for the reader */
-    if (!strncmp(w, "run ", 4)) { /* a run ended before the shot that these were ahead of */
-        forget_ahead(j);
+    if (!strncmp(w, "run ", 4)) {           /* a run ended before the shot that these were ahead of */
+        journal_forget_ahead(j);
         return 0;
     }
     if (!strcmp(w, "anew")) {
@@ -155,13 +99,13 @@ static int replay(journal *j, const char *w)
         j->has_steps = 1;
         return 0;
     }
-    if (sscanf(w, "begin %d %d%n", &i, &jj, &at) == 2 && !w[at] && node(j, i, jj)) {
-        node(j, i, jj)->begun = 1;
+    if (sscanf(w, "begin %d %d%n", &i, &jj, &at) == 2 && !w[at] && journal_node(j, i, jj)) {
+        journal_node(j, i, jj)->begun = 1;
         return 0;
     }
-    if (sscanf(w, "arrived %d %d %lf %lf%n", &i, &jj, &x, &y, &at) == 4 && !w[at] && node(j, i, jj) && isfinite(x) &&
-        isfinite(y)) {
-        journal_place *p = node(j, i, jj);
+    if (sscanf(w, "arrived %d %d %lf %lf%n", &i, &jj, &x, &y, &at) == 4 && !w[at] && journal_node(j, i, jj) &&
+        isfinite(x) && isfinite(y)) {
+        journal_place *p = journal_node(j, i, jj);
         p->has_arrived = j->has_last = 1;
         p->arrived[0] = j->last[0] = x;
         p->arrived[1] = j->last[1] = y;
@@ -170,26 +114,11 @@ static int replay(journal *j, const char *w)
     if (sscanf(w, "shot %d %d %d %" SCNd64 " %" SCNd64 " %64s %lf %lf %39s", &i, &jj, &k, &t.size,
                &t.mtime_ns, t.digest, &t.clip, &t.black, t.temp) == 9 &&
         t.size >= 0 && isfinite(t.clip) && isfinite(t.black) && !strchr(t.temp, '/')) /* in the folder itself */
-        return replay_shot(j, i, jj, k, &t);
-    if (sscanf(w, "says %d %d %d %lf %lf %lf%n", &i, &jj, &k, &t.seconds, &t.f_number, &t.iso, &at) == 6 &&
-        !w[at] && isfinite(t.seconds) && isfinite(t.f_number) && isfinite(t.iso)) {
-        ahead_of(j, i, jj, k);
-        j->next.seconds = t.seconds;
-        j->next.f_number = t.f_number;
-        j->next.iso = t.iso;
-        return 0;
-    }
-    journal_file f = {0};
-    char temp[TEMP_STEM + sizeof f.rest];
-    if (sscanf(w, "beside %d %d %d %" SCNd64 " %" SCNd64 " %64s %61s", &i, &jj, &k, &f.size, &f.mtime_ns, f.digest,
-               temp) == 7 &&
-        f.size >= 0 && strlen(temp) > TEMP_STEM && !strchr(temp, '/')) {
-        snprintf(f.rest, sizeof f.rest, "%s", temp + TEMP_STEM);
-        ahead_of(j, i, jj, k);
-        return note_beside(j, &f);
-    }
-    if (sscanf(w, "done %d %d%n", &i, &jj, &at) == 2 && !w[at] && node(j, i, jj)) {
-        node(j, i, jj)->done = 1;
+        return journal_replay_shot(j, i, jj, k, &t);
+    const int ahead = journal_replay_ahead(j, w);
+    if (ahead != 0) return ahead > 0 ? 0 : -1;
+    if (sscanf(w, "done %d %d%n", &i, &jj, &at) == 2 && !w[at] && journal_node(j, i, jj)) {
+        journal_node(j, i, jj)->done = 1;
         return 0;
     }
     return -1;
@@ -326,10 +255,13 @@ static int lock_folder(journal *j, errmsg *e)
     else if (flock(j->lock_fd, LOCK_EX | LOCK_NB) != 0) {
         long pid = leftover_owner(j->lock_fd);
         if (pid > 0)
-            bad = err_set(e, "%s: the session is in use by another stagectl, process %ld: let it end, or interrupt it (kill -INT %ld)",
+            bad = err_set(e,
+                          "%s: the session is in use by another stagectl, process %ld: let it end, or "
+                          "interrupt it (kill -INT %ld)",
                           j->s->folder, pid, pid);
         else
-            bad = err_set(e, "%s: the session is in use by another stagectl (fuser %s names it)", j->s->folder, path);
+            bad = err_set(e, "%s: the session is in use by another stagectl (fuser %s names it)",
+                          j->s->folder, path);
     } else if (ftruncate(j->lock_fd, 0) != 0 || dprintf(j->lock_fd, "%ld\n", (long)getpid()) < 0) {
     } /* only a help for whoever is kept out */
     free(path);
@@ -373,7 +305,7 @@ void journal_close(journal *j)
         for (int k = 0; j->place[p].shot && k < j->s->exposures; k++) free(j->place[p].shot[k].beside);
         free(j->place[p].shot);
     }
-    forget_ahead(j);
+    journal_forget_ahead(j);
     free(j->place);
     if (j->fd >= 0) close(j->fd);
     if (j->lock_fd >= 0) close(j->lock_fd);
@@ -416,26 +348,6 @@ int journal_arrived(journal *j, int i, int jj, const double xy[2], errmsg *e)
     memcpy(j->last, xy, sizeof j->last);
     p->has_arrived = j->has_last = 1;
     return journal_append(j, e, "arrived %d %d %.6f %.6f", i, jj, xy[0], xy[1]);
-}
-
-int journal_shot_taken(journal *j, int i, int jj, int k, const journal_shot *t, const char *name, errmsg *e)
-{
-    int bad = 0;
-    if (t->seconds > 0 || t->f_number > 0 || t->iso > 0)
-        bad = journal_append(j, e, "says %d %d %d %.10g %.10g %.10g", i, jj, k, t->seconds, t->f_number, t->iso);
-    const int stem = name_stem(name);
-    for (int b = 0; b < t->n_beside && !bad; b++) {
-        const journal_file *f = &t->beside[b];
-        bad = journal_append(j, e, "beside %d %d %d %" PRId64 " %" PRId64 " %s %.*s%s %.*s%s", i, jj, k, f->size,
-                             f->mtime_ns, f->digest, TEMP_STEM, t->temp, f->rest, stem, name, f->rest);
-    }
-    if (bad) {
-        free(t->beside);
-        return -1;
-    }
-    if (note_shot(j, journal_at(j, i, jj), k, t) != 0) return err_set(e, "out of memory");
-    return journal_append(j, e, "shot %d %d %d %" PRId64 " %" PRId64 " %s %.6g %.6g %s %s", i, jj, k, t->size,
-                  t->mtime_ns, t->digest, t->clip, t->black, t->temp, name);
 }
 
 int journal_done(journal *j, int i, int jj, errmsg *e)

@@ -52,7 +52,8 @@ static ssize_t slurp(char *out, size_t room, const char *pid, const char *file)
     return (ssize_t)got;
 }
 
-/* Living process of the group?  The name stands in brackets in /proc/PID/stat, behind it state, parent, group. */
+/* Living process of the group?  The name stands in brackets in /proc/PID/stat, behind it state, parent,
+ * group. */
 static int in_group(const char *pid, long group, char *name, size_t room)
 {
     char stat[512], state;

@@ -76,20 +76,22 @@ typedef struct values {
 } values;
 
 /* file NULL: not there.  quoted: as words of a command line for sh. */
-static int values_of(values *u, const session *s, const place *p, const double arrived[2], int k, const char *file,
-                     int quoted, errmsg *e)
+static int values_of(values *u, const session *s, const place *p, const double arrived[2], int k,
+                     const char *file, int quoted, errmsg *e)
 {
     double measured[2];
     char stem[4096];
     plan_on_plane(measured, s, arrived);
-    const double number_of[8] = {p->plane[0], p->plane[1], measured[0],    measured[1],
-                                 arrived[0],  arrived[1],  s->exposure[k], s->fov > 0 ? s->fov : camera_default_fov};
+    const double number_of[8] = {
+        p->plane[0], p->plane[1], measured[0],    measured[1],
+        arrived[0],  arrived[1],  s->exposure[k], s->fov > 0 ? s->fov : camera_default_fov};
     for (int q = 0; q < 8; q++) number(u->x[q], number_of[q]);
     plane_text(u->plane, s->plane);
     u->labels = (argwords){0};
     const int n = file ? snprintf(stem, sizeof stem, "%.*s", name_stem(file), file) : 0;
     if (n < 0 || n >= (int)sizeof stem) return err_set(e, "%s: the name is too long", file);
-    if (file && quoted && (quote(u->file, sizeof u->file, file) != 0 || quote(u->stem, sizeof u->stem, stem) != 0))
+    if (file && quoted &&
+        (quote(u->file, sizeof u->file, file) != 0 || quote(u->stem, sizeof u->stem, stem) != 0))
         return err_set(e, "%s: the name is too long", file);
     if (argwords_split(&u->labels, s->labels, e) != 0) return -1;
     const template_var v[] = {{"label", u->labels.n > k ? u->labels.word[k] : "", 0},
@@ -114,8 +116,8 @@ static int values_of(values *u, const session *s, const place *p, const double a
     return 0;
 }
 
-int name_text(char out[WORD_ROOM], const session *s, const char *text, const place *p, const double arrived[2],
-              int k, errmsg *e)
+int name_text(char out[WORD_ROOM], const session *s, const char *text, const place *p,
+              const double arrived[2], int k, errmsg *e)
 {
     values *u = malloc(sizeof *u);
     if (!u) return err_set(e, "out of memory");

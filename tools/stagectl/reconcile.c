@@ -29,8 +29,8 @@ static found compare(const char *is, int64_t size, int64_t mtime_ns, const char 
 
 /* A temporary file of an exposure on record that the record doesn't have: its camera wrote it too late, or an
  * older version, which did not look, left it.  It is somebody's picture. */
-static int adopt(const char *folder, const char *temp, journal *j, const session *s, void (*tell)(const char *),
-                 errmsg *e)
+static int adopt(const char *folder, const char *temp, journal *j, const session *s,
+                 void (*tell)(const char *), errmsg *e)
 {
     char from[4096], to[4096], name[NAME_ROOM], beside[NAME_ROOM + 300];
     struct stat st;
@@ -41,7 +41,8 @@ static int adopt(const char *folder, const char *temp, journal *j, const session
                 if (!shot[k].taken || strncmp(shot[k].temp, temp, TEMP_STEM) != 0) continue;
                 if (name_picture(name, s, i, jj, k, e) != 0) return -1;
                 snprintf(beside, sizeof beside, "%.*s%s", name_stem(name), name, temp + TEMP_STEM);
-                if (files_join(from, sizeof from, folder, temp, e) != 0 || files_join(to, sizeof to, folder, beside, e) != 0)
+                if (files_join(from, sizeof from, folder, temp, e) != 0 ||
+                    files_join(to, sizeof to, folder, beside, e) != 0)
                     return -1;
                 errmsg words;
                 if (lstat(to, &st) == 0 || rename(from, to) != 0)
@@ -71,7 +72,8 @@ static int sweep(const char *folder, journal *j, const session *s, void (*tell)(
     return bad < 0 ? -1 : 0;
 }
 
-/* One file under its final name, or, where a run ended between the journal and the rename, the temporary one. */
+/* One file under its final name, or, where a run ended between the journal and the rename, the temporary one.
+ */
 static int check_file(const char *digest, int64_t size, int64_t mtime_ns, const char *path, const char *temp,
                       int full, int repair, void (*tell)(const char *), errmsg *e)
 {

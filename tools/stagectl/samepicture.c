@@ -42,7 +42,8 @@ static int inside(const small *s, int x, int y, double circle)
 {
     const double r = circle * fmin(s->full[0], s->full[1]) / 2 / s->scale - 1;
     if (x < 1 || y < 1 || x >= s->w - 1 || y >= s->h - 1) return 0;
-    return !(circle > 0) || hypot(x + 0.5 - s->full[0] / 2.0 / s->scale, y + 0.5 - s->full[1] / 2.0 / s->scale) <= r;
+    return !(circle > 0) ||
+           hypot(x + 0.5 - s->full[0] / 2.0 / s->scale, y + 0.5 - s->full[1] / 2.0 / s->scale) <= r;
 }
 
 typedef struct moments {
@@ -108,12 +109,13 @@ int picture_differ(picture_difference *d, const char *pa, const char *pb, double
     }
     int bad = 0;
     if (a.full[0] != b.full[0] || a.full[1] != b.full[1]) {
-        bad = err_set(e, "%s: expected %dx%d pixels as %s has, found %dx%d", pb, a.full[0], a.full[1], pa, b.full[0],
-                      b.full[1]);
+        bad = err_set(e, "%s: expected %dx%d pixels as %s has, found %dx%d", pb, a.full[0], a.full[1], pa,
+                      b.full[0], b.full[1]);
     } else {
         const moments m = moments_of(&a, &b, circle);
         if (!(m.aa > 1e-12 * m.n * m.a * m.a) || !(m.bb > 1e-12 * m.n * m.b * m.b)) {
-            bad = err_set(e, "%s: expected a picture that shows something, found one value only", m.aa > 0 ? pb : pa);
+            bad = err_set(e, "%s: expected a picture that shows something, found one value only",
+                          m.aa > 0 ? pb : pa);
         } else {
             const double rho = m.ab / sqrt(m.aa * m.bb);
             d->share = rho > 0 ? sqrt(fmax(0, 1 - rho * rho)) : 1;

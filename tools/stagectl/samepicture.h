@@ -1,11 +1,12 @@
 /*
  * samepicture.h - how far two pictures are from being the same (pure).
  *
- * Both are made grey and small (box means, longer side at most 256 pixels), orientation tags left aside.  With
+ * Both are made grey and small (box means, longer side at most 256 pixels), orientation tags left aside. With
  * rho their correlation over the image circle (Pearson), what one cannot say of the other by a gain and an
- * offset - a lamp's drift, another black level - is sqrt(1 - rho^2) of its contrast: 0 for the same picture, 1
- * for two that have nothing in common.  The displacement that explains most of it is Lucas and Kanade's: the
- * least squares solution of b - a = -d . grad a ("An iterative image registration technique", 1981), one step.
+ * offset - a lamp's drift, another black level - is sqrt(1 - rho^2) of its contrast: 0 for the same picture,
+ * 1 for two that have nothing in common.  The displacement that explains most of it is Lucas and Kanade's:
+ * the least squares solution of b - a = -d . grad a ("An iterative image registration technique", 1981), one
+ * step.
  */
 #ifndef SAMEPICTURE_H
 #define SAMEPICTURE_H

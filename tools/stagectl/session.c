@@ -109,8 +109,9 @@ static int check_labels(const session *s, const argwords *labels, errmsg *e)
     for (int k = 0; k < labels->n && s->list_times == TIMES_ASKED; k++) {
         double t = asked_label(labels->word[k]);
         if (t > 0 && fabs(log(t / s->exposure[k])) > log1p(s->time_tolerance) + 1e-9)
-            return err_set(e, "[camera] labels: expected a word for %.6g s, found '%s' (a list of its own: exposures)",
-                           s->exposure[k], labels->word[k]);
+            return err_set(
+                e, "[camera] labels: expected a word for %.6g s, found '%s' (a list of its own: exposures)",
+                s->exposure[k], labels->word[k]);
     }
     return 0;
 }
@@ -173,11 +174,10 @@ int session_load(session *out, const char *path, errmsg *e)
 
 void session_free(session *s)
 {
-    char **texts[] = {&s->driver, &s->port,       &s->axes,           &s->command,
-                      &s->labels, &s->error_text, &s->exposures_text, &s->folder,
-                      &s->file,   &s->times,      &s->before,         &s->beside,
-                      &s->hdrgen, &s->fishremap,  &s->ilfpack,        &s->light_field,
-                      &s->depends, &s->lens,      &s->home_folder,    &s->expect_text};
+    char **texts[] = {&s->driver,      &s->port,           &s->axes,   &s->command,     &s->labels,
+                      &s->error_text,  &s->exposures_text, &s->folder, &s->file,        &s->times,
+                      &s->before,      &s->beside,         &s->hdrgen, &s->fishremap,   &s->ilfpack,
+                      &s->light_field, &s->depends,        &s->lens,   &s->home_folder, &s->expect_text};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         free(*texts[i]);
         *texts[i] = NULL;

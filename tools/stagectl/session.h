@@ -43,14 +43,15 @@ typedef struct session {
     double fov;    /* degrees; 0 = likewise */
     int shell;
     char *labels;      /* a word for each exposure, {label}; "" = none */
-    char *error_text;  /* in the command's output it means failure; "" = none; "auto" is replaced by the command's kind's */
+    char *error_text;  /* in the command's output it means failure; "" = none; "auto" is replaced by the
+                          command's kind's */
     char *expect_text; /* that the command has to print, with {label}...; "" = none */
     double timeout;    /* s beyond the exposure; 0 in the file is replaced by the camera's kind's */
     double kill_after; /* s from TERM to KILL */
     int retries;
-    double retry_wait; /* s before each */
-    int on_fail;       /* fail_action: when the retries are used up */
-    int list_times;    /* times_source: what stands in the list for hdrgen */
+    double retry_wait;                    /* s before each */
+    int on_fail;                          /* fail_action: when the retries are used up */
+    int list_times;                       /* times_source: what stands in the list for hdrgen */
     double time_tolerance, f_number, iso; /* what pictures may say of themselves (asked.h) */
     char *exposures_text;
     double exposure[EXPOSURES_MAX]; /* s, rising */

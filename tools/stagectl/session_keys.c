@@ -94,7 +94,8 @@ static int take_choice(int *v, const char *value, const char *const *names, errm
 }
 
 static const char *const no_yes[] = {"no", "yes", NULL}, *const orders[] = {"serpentine", "raster", NULL},
-                         *const checks[] = {"decode", "size", NULL}, *const sources[] = {"asked", "exif", NULL},
+                         *const checks[] = {"decode", "size", NULL},
+                         *const sources[] = {"asked", "exif", NULL},
                          *const actions[] = {"stop", "skip", NULL};
 
 static int take_text(char **v, const char *value, errmsg *e)

@@ -22,7 +22,8 @@
 
 enum { TOLD_ENDING = 1, TOLD_NO_TIME = 2 };
 
-/* What the picture says of itself against what was asked.  Files that came with it may say what it doesn't. */
+/* What the picture says of itself against what was asked.  Files that came with it may say what it doesn't.
+ */
 static int look_at_facts(capture_run *r, journal_shot *t, const place *p, int k, const char *path, errmsg *e)
 {
     const session *s = r->s;
@@ -63,14 +64,15 @@ static void tell_facts(capture_run *r, const journal_shot *t, const place *p, in
     }
     if (asked_differs(&says, s, k) && !(r->told_time >> k & 1)) {
         r->told_time |= (uint64_t)1 << k;
-        err_set(&words, "node %d,%d exposure %d: asked for %.6g s, the picture says %.6g s: so it stands in the list",
+        err_set(&words,
+                "node %d,%d exposure %d: asked for %.6g s, the picture says %.6g s: so it stands in the list",
                 p->i, p->j, k, s->exposure[k], t->seconds);
         r->say(words.text);
     }
 }
 
-/* Exit code 0 is not trusted: the file must be there, new (its name never was), not empty, whole, and taken as
- * was asked. */
+/* Exit code 0 is not trusted: the file must be there, new (its name never was), not empty, whole, and taken
+ * as was asked. */
 static int look_at(capture_run *r, journal_shot *t, const place *p, int k, const char *path, errmsg *e)
 {
     const session *s = r->s;
@@ -190,7 +192,8 @@ static stage_code try_for(capture_run *r, journal_shot *t, const place *p, const
 /* What the journal knows may be replaced (it was found missing or changed), what it never saw may not. */
 static stage_code record(capture_run *r, journal_shot *t, const place *p, int k, const char *name, errmsg *e)
 {
-    journal_shot *shots = journal_at(r->j, p->i, p->j)->shot, *known = shots && shots[k].digest[0] ? &shots[k] : NULL;
+    journal_shot *shots = journal_at(r->j, p->i, p->j)->shot,
+                 *known = shots && shots[k].digest[0] ? &shots[k] : NULL;
     stage_code code;
     /* The stage may have said something meanwhile: what it says first was the picture taken under. */
     if ((code = r->stage->driver->check(r->stage, e)) != STAGE_OK ||

@@ -27,7 +27,8 @@ static int each(const session *s, const char *temp, sibling_fn *call, void *arg,
     if (!d) return err_errno(e, "%s", s->folder);
     int bad = 0;
     for (struct dirent *f; !bad && (f = readdir(d));)
-        if (!strncmp(f->d_name, temp, TEMP_STEM) && strcmp(f->d_name, temp) != 0) bad = call(arg, f->d_name, e);
+        if (!strncmp(f->d_name, temp, TEMP_STEM) && strcmp(f->d_name, temp) != 0)
+            bad = call(arg, f->d_name, e);
     closedir(d);
     return bad;
 }
@@ -85,8 +86,8 @@ static int gather(void *arg, const char *name, errmsg *e)
     int odd = !rest[0] || !strchr(".-_", rest[0]) || strlen(rest) >= sizeof f.rest;
     for (const char *p = rest; *p; p++) odd |= (unsigned char)*p <= ' ' || *p == '"' || *p == 0x7f;
     if (odd || t->n_beside >= MOST)
-        return err_set(e, "camera: expected files beside {file} named {stem}.ENDING, at most %d, found '%s'", MOST,
-                       rest);
+        return err_set(e, "camera: expected files beside {file} named {stem}.ENDING, at most %d, found '%s'",
+                       MOST, rest);
     if (files_join(path, sizeof path, g->s->folder, name, e) != 0) return -1;
     if (lstat(path, &st) != 0 || !S_ISREG(st.st_mode))
         return err_set(e, "camera: what it wrote as {stem}%s is no file", rest);
@@ -131,16 +132,18 @@ void siblings_remove(const session *s, const char *temp)
 
 /* ---- names ------------------------------------------------------------------------------------------ */
 
-int siblings_paths(char temp[4096], char path[4096], const session *s, int i, int j, int k, const journal_shot *t,
-                   const journal_file *f, errmsg *e)
+int siblings_paths(char temp[4096], char path[4096], const session *s, int i, int j, int k,
+                   const journal_shot *t, const journal_file *f, errmsg *e)
 {
     char name[NAME_ROOM], stem[TEMP_STEM + 1 + sizeof f->rest];
     snprintf(stem, sizeof stem, "%.*s%s", TEMP_STEM, t->temp, f->rest);
     if (name_picture(name, s, i, j, k, e) != 0) return -1;
     char beside[NAME_ROOM + sizeof f->rest];
     snprintf(beside, sizeof beside, "%.*s%s", name_stem(name), name, f->rest);
-    return files_join(temp, 4096, s->folder, stem, e) != 0 || files_join(path, 4096, s->folder, beside, e) != 0 ? -1
-                                                                                                               : 0;
+    return files_join(temp, 4096, s->folder, stem, e) != 0 ||
+                   files_join(path, 4096, s->folder, beside, e) != 0
+               ? -1
+               : 0;
 }
 
 static int has(const journal_shot *t, const char *rest)

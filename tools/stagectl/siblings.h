@@ -1,9 +1,9 @@
 /*
  * siblings.h - the files that a camera writes beside {file}: raw beside JPEG, a sidecar.
  *
- * All files of one exposure have the temporary name's stem in common (".shot-" and 16 digits, in the session's
- * folder); what follows it is a file's rest: ".nef", "-2.jpg", ".jpg.xmp".  Under its final name a file is the
- * picture's name without the ending, then its rest.
+ * All files of one exposure have the temporary name's stem in common (".shot-" and 16 digits, in the
+ * session's folder); what follows it is a file's rest: ".nef", "-2.jpg", ".jpg.xmp".  Under its final name a
+ * file is the picture's name without the ending, then its rest.
  */
 #ifndef SIBLINGS_H
 #define SIBLINGS_H
@@ -21,8 +21,8 @@ int siblings_find(journal_shot *t, const session *s, errmsg *e);
 void siblings_remove(const session *s, const char *temp);
 
 /* Temporary path and final path of one. */
-int siblings_paths(char temp[4096], char path[4096], const session *s, int i, int j, int k, const journal_shot *t,
-                   const journal_file *f, errmsg *e);
+int siblings_paths(char temp[4096], char path[4096], const session *s, int i, int j, int k,
+                   const journal_shot *t, const journal_file *f, errmsg *e);
 
 /* Is a file of t already there under its final name that is not one of the shot `known`? */
 int siblings_are_new(const session *s, int i, int j, int k, const journal_shot *t, const journal_shot *known,

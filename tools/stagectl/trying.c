@@ -23,7 +23,8 @@ void trying_port_open(capture_run *r)
     for (struct dirent *f; d && (f = readdir(d));) {
         int n = snprintf(path, sizeof path, "%s/%s", folder, f->d_name);
         if (f->d_name[0] == '.' || n < 0 || n >= (int)sizeof path) continue;
-        if (realpath(path, other) && !strcmp(other, device)) snprintf(t->lasting, sizeof t->lasting, "%s", path);
+        if (realpath(path, other) && !strcmp(other, device))
+            snprintf(t->lasting, sizeof t->lasting, "%s", path);
     }
     if (d) closedir(d);
 }

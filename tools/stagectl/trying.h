@@ -14,8 +14,8 @@
  * *code becomes STAGE_INTERRUPTED if the rest was interrupted.  The stage is still or closed. */
 int trying_again(capture_run *r, stage_code *code, errmsg *e);
 
-/* The name under which to open the stage's port.  Once it was open that is its name in /dev/serial/by-id, where
- * it has one: a device that is plugged in again may be another /dev/ttyUSB. */
+/* The name under which to open the stage's port.  Once it was open that is its name in /dev/serial/by-id,
+ * where it has one: a device that is plugged in again may be another /dev/ttyUSB. */
 const char *trying_port(const capture_run *r);
 void trying_port_open(capture_run *r); /* it is open: remember that, and its lasting name */
 
