@@ -556,7 +556,7 @@ def test_gphoto2s_roundings_and_refusals(tmp_path, nikon):
             return run("stagectl", "--port", stage.port, "capture", path, env=nikon, code=code).err
         assert "asked for 0.25 s, the picture says 0.1 s (a factor 0.4" in go("o1", "0.25", "0.25s", 1)
         assert "expected it to say 'Current: 0.25s'" in go("o2", "0.25", "0.25s", 1, expect_text="Current: {label}")
-        assert "it said '*** Error': *** Error *** Failed to set new configuration value fast" in go("o3", "0.1", "fast", 1)
+        assert re.search(r"it said '\*\*\* Error': .*Failed to set new configuration value fast", go("o3", "0.1", "fast", 1))
         assert "asked for 0.25 s, the picture says 0.1 s: so it stands in the list" in go("o4", "0.25", "0.25s", 0, times="exif")
         assert (tmp_path / "o4/000_000/times.txt").read_text().endswith("0.jpg 0.1\n")
         assert "says" not in go("o5", "0.1", "0.1000s", 0)

@@ -16,8 +16,7 @@ typedef struct camera_limits {
     double timeout_s, kill_after_s;
     const char *error_text;  /* in the output: failure; texts parted by |; "" = none */
     const char *expect_text; /* missing from the output: failure; "" = none */
-    int saves_one; /* it says "Saving file as ..." of each file (gphoto2) and must not save two under one name
-                    */
+    int saves_one; /* it is gphoto2, which says of each file that it saves it, and has one name for all */
     int log_fd;    /* gets what the command writes; opened for reading too, to quote its last line */
     int note_fd;   /* gets its process group (leftover.h); -1: none */
 } camera_limits;

@@ -38,7 +38,7 @@ typedef struct camera_checks {
     int unchecked; /* places since the last check */
     long since;    /* places since the last check that agreed, */
     int i, j;      /* the first of them */
-    long at;       /* what is compared: index of its place + 1, 0 = not chosen yet; */
+    long at;       /* what is compared: index of its place + 1, 0 = not chosen yet */
     int k;         /* its exposure */
 } camera_checks;
 

@@ -72,8 +72,7 @@ static int sweep(const char *folder, journal *j, const session *s, void (*tell)(
     return bad < 0 ? -1 : 0;
 }
 
-/* One file under its final name, or, where a run ended between the journal and the rename, the temporary one.
- */
+/* One file under its final name; where a run ended between the journal and the rename, the temporary one. */
 static int check_file(const char *digest, int64_t size, int64_t mtime_ns, const char *path, const char *temp,
                       int full, int repair, void (*tell)(const char *), errmsg *e)
 {
