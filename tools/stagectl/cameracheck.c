@@ -61,6 +61,8 @@ static stage_code compare(picture_difference d[2], capture_run *r, const place *
     int n = plan_path(way, s, from, p->machine);
     if (c == STAGE_OK) c = st->driver->go(st, (const double(*)[2])way, n, s->feed, s->settle, e);
     if (c == STAGE_OK) c = st->driver->where(st, arrived, state, e);
+    /* whoever goes on after a kill has to know where it stands */
+    if (c == STAGE_OK && journal_arrived(r->j, p->i, p->j, arrived, e) != 0) c = STAGE_FAILED;
     for (int q = 0; q < 2 && c == STAGE_OK; q++) {
         c = shot_try(r, p, arrived, k, temp[q], e);
         if (c == STAGE_OK && files_join(now[q], sizeof now[q], s->folder, temp[q], e) != 0) c = STAGE_FAILED;
