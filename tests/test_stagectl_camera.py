@@ -15,7 +15,7 @@ from PIL.TiffImagePlugin import IFDRational, ImageFileDirectory_v2
 
 from common_util import write_dng
 from conftest import environment, run
-from stage_util import PYTHON, Run, Stage, journal, script, session, shots
+from stage_util import PYTHON, Run, Stage, asking_camera, journal, script, session, shots
 
 ONE = {"nodes": "1x1"}
 
@@ -123,6 +123,11 @@ def test_times_as_the_pictures_say(tmp_path, roll):
         listed = (tmp_path / f"out/00{i}_000/times.txt").read_text().splitlines()[1:]
         assert listed == ["0.jpg 0.1", "1.jpg 1"]
     assert "plan has changed: camera.times" in take(jpegs(tmp_path, grid={"nodes": "2x1"}), stage, code=1).err
+
+
+def test_times_in_the_other_section(tmp_path):
+    path = session(tmp_path, "cam {file}", grid=ONE, output={"times": "exif"})
+    assert "'exif', which belongs in [camera]" in run("stagectl", "plan", path, code=1).err
 
 
 def test_times_as_the_pictures_say_survive_a_kill(tmp_path, roll):
@@ -489,6 +494,19 @@ def test_keep_trying_over_a_camera_that_comes_back(tmp_path, roll):
     with Stage(tmp_path) as stage:
         r = take(path, stage, more=["--keep-trying"])
     assert r.err.count("exit code 3; keeps trying") == 1 and "2 exposures on disk (2 taken now)" in r.err
+
+
+@pytest.mark.parametrize("fault", ["reboot@4", "alarm1@4", "error9@4"])
+def test_keep_trying_over_what_the_stage_does(tmp_path, fault):
+    """Homed anew, it goes on where it was: every picture is taken at its place, each once."""
+    with Stage(tmp_path, "--fault", fault) as stage:
+        path = session(tmp_path, asking_camera(tmp_path, stage, "{i},{j},{k},{mx},{my}"))
+        r = take(path, stage, more=["--keep-trying"])
+    assert r.err.count("keeps trying") == 1 and "12 exposures on disk (12 taken now)" in r.err
+    rows = [s.split() for s in (tmp_path / "where").read_text().splitlines()]
+    assert len({tuple(s[:3]) for s in rows}) == len(rows) == 12
+    for i, j, _, mx, my, x, y, speed in rows:
+        assert abs(float(x) - (-500 + 100 * int(i))) < 0.01 and abs(float(y) - (-400 + 100 * int(j))) < 0.01 and float(speed) == 0
 
 
 def test_keep_trying_survives_another_name_of_the_port(tmp_path, roll):
