@@ -125,9 +125,6 @@ static int check(const session *s, errmsg *e)
     if (!stage_driver_by_name(s->driver))
         return err_set(e, "[stage] driver: expected grbl or c4, found '%s'", s->driver);
     if (!s->folder[0]) return err_set(e, "[output] folder: expected a name");
-    if (!strcmp(s->times, "exif") || !strcmp(s->times, "asked"))
-        return err_set(e, "[output] times: expected the name of a list, found '%s', which belongs in [camera]",
-                       s->times);
     for (int a = 0; a < 2; a++)
         if ((s->travel[2 * a] != 0 || s->travel[2 * a + 1] != 0) &&
             !(s->travel[2 * a] < s->travel[2 * a + 1]))
@@ -143,6 +140,9 @@ static int check(const session *s, errmsg *e)
     if (bad_labels) return -1;
     if (!strstr(s->command, "{file}") && !strstr(s->command, "{stem}"))
         return err_set(e, "[camera] command: expected {file} in it");
+    if (!strcmp(s->times, "exif") || !strcmp(s->times, "asked"))
+        return err_set(e, "[output] times: expected the name of a list, found '%s', which belongs in [camera]",
+                       s->times);
     /* Names are tried on two nodes: each exposure of each place needs a name of its own. */
     if (names_check(s, e) != 0) return -1;
     return camera_agrees(s, e);
