@@ -57,7 +57,7 @@ PROGRAMS_fishremap := fishremap falloffcal
 PROGRAMS_stagectl  := stagectl virtualstage virtualcamera
 LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
 LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack
-LIBS_stagectl      := -lutil
+LIBS_stagectl      := -lutil -lexif
 TOOLS              := hdrgen fishremap stagectl
 
 # A main that is not written yet is left out, so that a partial checkout builds.

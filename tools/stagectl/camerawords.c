@@ -28,15 +28,19 @@ int camera_words(argwords *words, const session *s, errmsg *e)
     return bad;
 }
 
-int camera_is_virtual(const argwords *words)
+int camera_runs(const argwords *words, const char *program)
 {
-    static const char name[] = "virtualcamera";
-    const size_t n = sizeof name - 1;
+    const size_t n = strlen(program);
     for (int w = 0; w < words->n; w++) {
         size_t len = strlen(words->word[w]);
-        if (len >= n && !strcmp(words->word[w] + len - n, name)) return 1;
+        if (len >= n && !strcmp(words->word[w] + len - n, program)) return 1;
     }
     return 0;
+}
+
+int camera_is_virtual(const argwords *words)
+{
+    return camera_runs(words, "virtualcamera");
 }
 
 const char *option_value(const argwords *words, const char *name, char letter)

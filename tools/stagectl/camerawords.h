@@ -23,6 +23,9 @@ int camera_words(argwords *words, const session *s, errmsg *e);
 /* Does the command run virtualcamera (whatever its folder and PROGRAM_PREFIX)? */
 int camera_is_virtual(const argwords *words);
 
+/* Is one of its words this program (whatever its folder)? */
+int camera_runs(const argwords *words, const char *program);
+
 /* Value of a long option, written --name VALUE or --name=VALUE or shortened, or of -l VALUE; NULL = not
  * there. */
 const char *option_value(const argwords *words, const char *name, char letter);

@@ -7,15 +7,16 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/file.h>
-#include <time.h>
 #include <unistd.h>
 
+#include "cameracheck.h"
 #include "deadline.h"
 #include "files.h"
+#include "leftover.h"
 #include "names.h"
 #include "outfile.h"
 #include "signals.h"
+#include "trying.h"
 
 static void show(capture_run *r, const char *doing)
 {
@@ -68,7 +69,9 @@ static int write_times(const capture_run *r, const place *p, errmsg *e)
             return -1;
         }
         const char *slash = strrchr(name, '/'), *base = slash ? slash + 1 : name;
-        fprintf(out_stream(o), strpbrk(base, " \t") ? "\"%s\" %.10g\n" : "%s %.10g\n", base, s->exposure[k]);
+        fprintf(out_stream(o), strpbrk(base, " \t") ? "\"%s\" %.10g\n" : "%s %.10g\n", base,
+                s->list_times == TIMES_EXIF && jp->shot[k].seconds > 0 ? jp->shot[k].seconds
+                                                                       : s->exposure[k]);
     }
     return out_commit(o, e);
 }
@@ -104,19 +107,26 @@ static stage_code finish_place(capture_run *r, const place *p, errmsg *e)
 static stage_code wait_for_camera(capture_run *r, errmsg *e)
 {
     double until = now_s() + r->s->timeout + r->s->exposure[r->s->exposures - 1];
+    char name[64];
+    errmsg words;
     int told = 0;
-    while (flock(r->camera_lock_fd, LOCK_EX | LOCK_NB) != 0) {
-        if (!told++ && r->say) r->say("a camera command of an earlier run is still at work; waiting for it");
+    for (long pid; (pid = leftover_find(r->camera_fd, name, sizeof name)) != 0;) {
+        err_set(&words,
+                "a camera command of an earlier run is still at work (process %ld, %s); waiting for it", pid,
+                name);
+        if (!told++ && r->say) r->say(words.text);
         if (now_s() > until) {
-            err_set(e, "%s: a camera command of an earlier run does not end", r->s->folder);
+            err_set(
+                e,
+                "%s: a camera command of an earlier run does not end: process %ld, %s; end it (kill %ld) and "
+                "start again",
+                r->s->folder, pid, name, pid);
             return STAGE_FAILED;
         }
-        if (signals_number()) {
+        if (signals_pause(0.05) != 0) {
             err_set(e, "interrupted while waiting for a camera");
             return STAGE_INTERRUPTED;
         }
-        struct timespec pause = {.tv_nsec = 50000000};
-        nanosleep(&pause, NULL);
     }
     return STAGE_OK;
 }
@@ -125,11 +135,11 @@ static stage_code open_files(capture_run *r, errmsg *e)
 {
     char path[4096];
     if (files_join(path, sizeof path, r->s->folder, ".camera", e) != 0) return STAGE_FAILED;
-    r->camera_lock_fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    if (r->camera_lock_fd >= 0 && files_join(path, sizeof path, r->s->folder, "camera.log", e) != 0)
+    r->camera_fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (r->camera_fd >= 0 && files_join(path, sizeof path, r->s->folder, "camera.log", e) != 0)
         return STAGE_FAILED;
-    if (r->camera_lock_fd >= 0) r->log_fd = open(path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
-    if (r->camera_lock_fd < 0 || r->log_fd < 0) {
+    if (r->camera_fd >= 0) r->log_fd = open(path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
+    if (r->camera_fd < 0 || r->log_fd < 0) {
         err_errno(e, "%s", path);
         return STAGE_FAILED;
     }
@@ -158,8 +168,10 @@ static stage_code ready_stage(capture_run *r, errmsg *e)
     st->home_timeout_s = s->home_timeout;
     memcpy(st->stated_steps_per_mm, s->steps_per_mm, sizeof st->stated_steps_per_mm);
     show(r, "connecting");
-    stage_code c = stage_open(st, d, r->port, e);
+    stage_code c = stage_open(st, d, trying_port(r), e);
+    r->trying.port_failed = c == STAGE_FAILED;
     if (c != STAGE_OK) return c;
+    trying_port_open(r);
     const double *before = journal_steps(r->j), *now = st->facts.steps_per_mm;
     if (before && (before[0] != now[0] || before[1] != now[1])) {
         err_set(e, "stage: expected %g x %g steps/mm as when the session began, found %g x %g", before[0],
@@ -208,37 +220,78 @@ static stage_code take_place(capture_run *r, const place *p, const double *from,
     return STAGE_OK;
 }
 
-static stage_code all_places(capture_run *r, errmsg *e)
+/* *from: where it comes from; NULL = unknown side, after homing or a resume. */
+static stage_code visit(capture_run *r, const place *p, int needed, double at[2], const double **from,
+                        errmsg *e)
+{
+    stage_code c = STAGE_OK;
+    if (signals_number()) {
+        err_set(e, "interrupted");
+        return STAGE_INTERRUPTED;
+    }
+    if (needed && !r->stage->port) {
+        c = ready_stage(r, e);
+        if (c == STAGE_OK) c = camera_check(r, p, 1, 0, at, from, e);
+        r->started_s = now_s();
+    }
+    if (needed && c == STAGE_OK) {
+        c = take_place(r, p, *from, e);
+        memcpy(at, p->machine, 2 * sizeof *at);
+        *from = at;
+        r->places_this_run++;
+    }
+    if (c == STAGE_OK) c = finish_place(r, p, e);
+    if (c == STAGE_OK && needed) show(r, "done");
+    if (c == STAGE_OK && needed) c = camera_check(r, p, 0, 0, at, from, e);
+    return c;
+}
+
+/* What on_fail = skip leaves for later, when the camera's retries are used up: 1. */
+static int left_for_later(capture_run *r, stage_code *c, errmsg *e)
+{
+    errmsg words;
+    if (*c != STAGE_FAILED || !r->camera_failed || r->s->on_fail != FAIL_SKIP) return 0;
+    r->camera_failed = 0;
+    err_set(&words, "%s; left for the end", e->text);
+    if (r->say) r->say(words.text);
+    *c = shots_commit(r, e) == 0 ? STAGE_OK : STAGE_FAILED;
+    return 1;
+}
+
+/* Once over all places; left gets how many of them the camera has failed at, e the words of the last. */
+static stage_code once_over(capture_run *r, int only_missing, long *left, errmsg *e)
 {
     const session *s = r->s;
-    double at[2], *from = NULL; /* unknown side after homing or a resume */
+    double at[2];
+    const double *from = NULL;
+    *left = 0;
     for (long index = 0; index < plan_places(s); index++) {
         place p;
         plan_place(&p, s, index);
-        journal_place *jp = journal_at(r->j, p.i, p.j);
+        const journal_place *jp = journal_at(r->j, p.i, p.j);
+        if (only_missing && jp->done) continue;
         r->now.i = p.i;
         r->now.j = p.j;
-        stage_code c = STAGE_OK;
-        if (signals_number()) {
-            err_set(e, "interrupted");
-            return STAGE_INTERRUPTED;
-        }
-        int needed = !jp->done && next_exposure(r, jp) >= 0;
-        if (needed && !r->stage->port) {
-            c = ready_stage(r, e);
-            r->started_s = now_s();
-        }
-        if (needed && c == STAGE_OK) {
-            c = take_place(r, &p, from, e);
-            memcpy(at, p.machine, sizeof at);
-            from = at;
-            r->places_this_run++;
-        }
-        if (c == STAGE_OK) c = finish_place(r, &p, e);
+        stage_code c = visit(r, &p, !jp->done && next_exposure(r, jp) >= 0, at, &from, e);
+        *left += left_for_later(r, &c, e);
         if (c != STAGE_OK) return c;
-        if (needed) show(r, "done");
     }
-    return STAGE_OK;
+    return camera_check(r, NULL, 0, 1, at, &from, e);
+}
+
+static stage_code all_places(capture_run *r, errmsg *e)
+{
+    long left;
+    errmsg why;
+    r->now.places_done = r->shots_left_out = 0;
+    stage_code c = once_over(r, 0, &left, e);
+    if (c == STAGE_OK && left > 0) c = once_over(r, 1, &left, e);
+    if (c != STAGE_OK || left == 0) return c;
+    why = *e;
+    err_set(e, "%ld place%s still without all exposures; the last: %s", left, left == 1 ? " is" : "s are",
+            why.text);
+    r->camera_failed = 1;
+    return STAGE_FAILED;
 }
 
 /* After an end before its time: the stage must not go on moving.  What the session ended for stays the
@@ -256,18 +309,50 @@ static void leave_stage_still(capture_run *r, stage_code why)
         r->say("stage: its position is lost");
 }
 
+/* What the session's first picture said of f-number and ISO, as far as it is on record. */
+static void first_of(capture_run *r)
+{
+    for (long index = 0; index < plan_places(r->s) && !(r->first[0] > 0 && r->first[1] > 0); index++) {
+        place p;
+        plan_place(&p, r->s, index);
+        const journal_shot *t = journal_at(r->j, p.i, p.j)->shot;
+        for (int k = 0; t && k < r->s->exposures; k++) {
+            if (!t[k].taken) continue;
+            if (!(r->first[0] > 0)) r->first[0] = t[k].f_number;
+            if (!(r->first[1] > 0)) r->first[1] = t[k].iso;
+        }
+    }
+}
+
+/* Again and again, with --keep-trying.  When it was the camera the stage stays as it is, idle. */
+static stage_code try_all_places(capture_run *r, errmsg *e)
+{
+    for (;;) {
+        stage_code c = all_places(r, e);
+        if (c == STAGE_OK || !r->keep_trying) return c;
+        if (c != STAGE_INTERRUPTED && !(c == STAGE_FAILED && r->camera_failed)) {
+            leave_stage_still(r, c);
+            stage_close(r->stage);
+        }
+        if (!trying_again(r, &c, e)) return c;
+        r->camera_failed = 0;
+        if (shots_commit(r, e) != 0 || journal_run(r->j, e) != 0) return STAGE_FAILED;
+    }
+}
+
 stage_code capture_all(capture_run *r, errmsg *e)
 {
-    r->log_fd = r->camera_lock_fd = -1;
+    r->log_fd = r->camera_fd = -1;
     r->now.places = plan_places(r->s);
     r->now.shots_most = r->now.places * r->s->exposures;
     r->guess = (r->s->exposures - 1) / 2;
     stage_code c = STAGE_FAILED;
     if (reconcile(r->j, r->s, 0, 1, r->say, e) >= 0 && journal_run(r->j, e) == 0) {
         r->now.shots = journal_shots(r->j);
+        first_of(r);
         c = open_files(r, e);
         if (c == STAGE_OK) c = wait_for_camera(r, e);
-        if (c == STAGE_OK) c = all_places(r, e);
+        if (c == STAGE_OK) c = try_all_places(r, e);
     }
     if (c != STAGE_OK) leave_stage_still(r, c);
     errmsg why;
@@ -277,6 +362,6 @@ stage_code capture_all(capture_run *r, errmsg *e)
     }
     stage_close(r->stage);
     if (r->log_fd >= 0) close(r->log_fd);
-    if (r->camera_lock_fd >= 0) close(r->camera_lock_fd);
+    if (r->camera_fd >= 0) close(r->camera_fd);
     return c;
 }

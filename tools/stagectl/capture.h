@@ -23,19 +23,45 @@ typedef struct capture_progress {
     double left_s;          /* estimate */
 } capture_progress;
 
+/* What --keep-trying remembers (trying.h). */
+typedef struct trying {
+    int was_open, port_failed; /* the port once in this run; not any more */
+    char lasting[1024];        /* its name in /dev/serial/by-id; "" = it has none */
+    int refusals;              /* of the stage, since the last exposure */
+    long shots;
+    double rest_s;
+    errmsg said;
+} trying;
+
+/* What checks of the camera remember (cameracheck.h). */
+typedef struct camera_checks {
+    int unchecked; /* places since the last check */
+    long since;    /* places since the last check that agreed, */
+    int i, j;      /* the first of them */
+    long at;       /* what is compared: index of its place + 1, 0 = not chosen yet */
+    int k;         /* its exposure */
+} camera_checks;
+
 typedef struct capture_run {
     const session *s;
     journal *j;
     stage *stage; /* open() fills it on first need */
     const char *port;
     int assume_position;
+    int keep_trying;
     void (*say)(const char *words);              /* for the user, one line; may be NULL */
     void (*progress)(const capture_progress *p); /* after each step; may be NULL */
     capture_progress now;
     long shots_left_out; /* auto: exposures that no place needed */
     long shots_taken;    /* in this run */
     /* the capture's own */
-    int log_fd, camera_lock_fd;
+    int log_fd, camera_fd; /* the camera's words; its process group (leftover.h) */
+    double first[2];       /* f-number and ISO of the session's first picture; 0 = not known */
+    int told;              /* what has been said once: TOLD_... */
+    uint64_t told_time;    /* exposures whose time was said to be another */
+    trying trying;
+    camera_checks checks;
+    int camera_failed; /* the last failure was the camera's */
     place pending_at; /* recorded but not synced and renamed yet: these exposures of this place */
     int pending[EXPOSURES_MAX], n_pending;
     double committed_s;
@@ -53,6 +79,10 @@ long reconcile(journal *j, const session *s, int full, int repair, void (*tell)(
 
 /* Sync, then give the pending exposures their names. */
 int shots_commit(capture_run *r, errmsg *e);
+
+/* Take exposure k there for a comparison: a temporary file in the session's folder, and nothing on record.
+ * siblings_remove takes it away. */
+stage_code shot_try(capture_run *r, const place *p, const double arrived[2], int k, char temp[40], errmsg *e);
 
 /* Take exposure k at a place and journal it; commits what is pending once a second has passed. */
 stage_code shot_take(capture_run *r, const place *p, const double arrived[2], int k, errmsg *e);

@@ -16,6 +16,7 @@
 #include <zlib.h>
 
 #include "journal_internal.h"
+#include "leftover.h"
 #include "outfile.h"
 
 static const char heading[] = "stagectl-journal 1";
@@ -51,20 +52,10 @@ const double *journal_last_arrived(const journal *j)
     return j->has_last ? j->last : NULL;
 }
 
-static journal_place *node(journal *j, int i, int jj)
+journal_place *journal_node(journal *j, int i, int jj)
 {
     int ok = i >= 0 && jj >= 0 && i < j->s->nodes[0] && jj < j->s->nodes[1];
     return ok ? journal_at(j, i, jj) : NULL;
-}
-
-static int note_shot(journal *j, journal_place *p, int k, const journal_shot *shot)
-{
-    if (!p || k < 0 || k >= j->s->exposures) return -1;
-    if (!p->shot) p->shot = calloc((size_t)j->s->exposures, sizeof *p->shot);
-    if (!p->shot) return -1;
-    p->shot[k] = *shot;
-    p->shot[k].taken = 1;
-    return 0;
 }
 
 /* What is on record counts no longer, but its files are known to be ours. */
@@ -87,7 +78,11 @@ static int replay(journal *j, const char *w)
     int i, jj, k, at = 0;
     double x, y;
     journal_shot t = {0};
-    if (!strncmp(w, "run ", 4)) return 0;
+    if (!strncmp(w, "check ", 6)) return 0; /* for the reader */
+    if (!strncmp(w, "run ", 4)) {           /* a run ended before the shot that these were ahead of */
+        journal_forget_ahead(j);
+        return 0;
+    }
     if (!strcmp(w, "anew")) {
         journal_strike_off(j);
         return 0;
@@ -104,13 +99,13 @@ static int replay(journal *j, const char *w)
         j->has_steps = 1;
         return 0;
     }
-    if (sscanf(w, "begin %d %d%n", &i, &jj, &at) == 2 && !w[at] && node(j, i, jj)) {
-        node(j, i, jj)->begun = 1;
+    if (sscanf(w, "begin %d %d%n", &i, &jj, &at) == 2 && !w[at] && journal_node(j, i, jj)) {
+        journal_node(j, i, jj)->begun = 1;
         return 0;
     }
-    if (sscanf(w, "arrived %d %d %lf %lf%n", &i, &jj, &x, &y, &at) == 4 && !w[at] && node(j, i, jj) && isfinite(x) &&
-        isfinite(y)) {
-        journal_place *p = node(j, i, jj);
+    if (sscanf(w, "arrived %d %d %lf %lf%n", &i, &jj, &x, &y, &at) == 4 && !w[at] && journal_node(j, i, jj) &&
+        isfinite(x) && isfinite(y)) {
+        journal_place *p = journal_node(j, i, jj);
         p->has_arrived = j->has_last = 1;
         p->arrived[0] = j->last[0] = x;
         p->arrived[1] = j->last[1] = y;
@@ -119,9 +114,11 @@ static int replay(journal *j, const char *w)
     if (sscanf(w, "shot %d %d %d %" SCNd64 " %" SCNd64 " %64s %lf %lf %39s", &i, &jj, &k, &t.size,
                &t.mtime_ns, t.digest, &t.clip, &t.black, t.temp) == 9 &&
         t.size >= 0 && isfinite(t.clip) && isfinite(t.black) && !strchr(t.temp, '/')) /* in the folder itself */
-        return note_shot(j, node(j, i, jj), k, &t);
-    if (sscanf(w, "done %d %d%n", &i, &jj, &at) == 2 && !w[at] && node(j, i, jj)) {
-        node(j, i, jj)->done = 1;
+        return journal_replay_shot(j, i, jj, k, &t);
+    const int ahead = journal_replay_ahead(j, w);
+    if (ahead != 0) return ahead > 0 ? 0 : -1;
+    if (sscanf(w, "done %d %d%n", &i, &jj, &at) == 2 && !w[at] && journal_node(j, i, jj)) {
+        journal_node(j, i, jj)->done = 1;
         return 0;
     }
     return -1;
@@ -255,8 +252,18 @@ static int lock_folder(journal *j, errmsg *e)
     int bad = 0;
     if (j->lock_fd < 0)
         bad = err_errno(e, "%s", path);
-    else if (flock(j->lock_fd, LOCK_EX | LOCK_NB) != 0)
-        bad = err_set(e, "%s: the session is in use by another stagectl", j->s->folder);
+    else if (flock(j->lock_fd, LOCK_EX | LOCK_NB) != 0) {
+        long pid = leftover_owner(j->lock_fd);
+        if (pid > 0)
+            bad = err_set(e,
+                          "%s: the session is in use by another stagectl, process %ld: let it end, or "
+                          "interrupt it (kill -INT %ld)",
+                          j->s->folder, pid, pid);
+        else
+            bad = err_set(e, "%s: the session is in use by another stagectl (fuser %s names it)",
+                          j->s->folder, path);
+    } else if (ftruncate(j->lock_fd, 0) != 0 || dprintf(j->lock_fd, "%ld\n", (long)getpid()) < 0) {
+    } /* only a help for whoever is kept out */
     free(path);
     return bad;
 }
@@ -269,7 +276,7 @@ int journal_open(journal **out, const session *s, int mode, errmsg *e)
     if (!j) return err_set(e, "out of memory");
     j->s = s;
     j->readonly = readonly;
-    j->fd = j->lock_fd = -1;
+    j->fd = j->lock_fd = j->ahead[0] = -1;
     j->place = calloc((size_t)s->nodes[0] * (size_t)s->nodes[1], sizeof *j->place);
     int bad = !j->place || asprintf(&j->path, "%s/journal", s->folder) < 0 ? err_set(e, "out of memory") : 0;
     if (!bad && !readonly) bad = lock_folder(j, e);
@@ -294,7 +301,11 @@ void journal_close(journal *j)
 {
     if (!j) return;
     size_t n = j->place ? (size_t)j->s->nodes[0] * (size_t)j->s->nodes[1] : 0;
-    for (size_t p = 0; p < n; p++) free(j->place[p].shot);
+    for (size_t p = 0; p < n; p++) {
+        for (int k = 0; j->place[p].shot && k < j->s->exposures; k++) free(j->place[p].shot[k].beside);
+        free(j->place[p].shot);
+    }
+    journal_forget_ahead(j);
     free(j->place);
     if (j->fd >= 0) close(j->fd);
     if (j->lock_fd >= 0) close(j->lock_fd);
@@ -339,15 +350,13 @@ int journal_arrived(journal *j, int i, int jj, const double xy[2], errmsg *e)
     return journal_append(j, e, "arrived %d %d %.6f %.6f", i, jj, xy[0], xy[1]);
 }
 
-int journal_shot_taken(journal *j, int i, int jj, int k, const journal_shot *t, const char *name, errmsg *e)
-{
-    if (note_shot(j, journal_at(j, i, jj), k, t) != 0) return err_set(e, "out of memory");
-    return journal_append(j, e, "shot %d %d %d %" PRId64 " %" PRId64 " %s %.6g %.6g %s %s", i, jj, k, t->size,
-                  t->mtime_ns, t->digest, t->clip, t->black, t->temp, name);
-}
-
 int journal_done(journal *j, int i, int jj, errmsg *e)
 {
     journal_at(j, i, jj)->done = 1;
     return journal_append(j, e, "done %d %d", i, jj);
+}
+
+int journal_check(journal *j, int i, int jj, int k, const double f[4], errmsg *e)
+{
+    return journal_append(j, e, "check %d %d %d %.4g %.4g %.3f %.3f", i, jj, k, f[0], f[1], f[2], f[3]);
 }

@@ -12,9 +12,13 @@
  *   run SECONDS                   a run begins (Unix time)
  *   begin I J                     a place begins
  *   arrived I J X Y               it stands there: measured machine position, mm
+ *   says I J K SECONDS F ISO      what the picture of the shot that follows states of itself; 0 = nothing
+ *   beside I J K SIZE MTIME DIGEST TEMP NAME
+ *                                 a file that came with the shot that follows (raw beside JPEG)
  *   shot I J K SIZE MTIME DIGEST CLIP BLACK TEMP NAME
  *                                 exposure K is on disk under the name TEMP and about to be renamed to NAME
  *   done I J                      the place is finished
+ *   check I J K SHARE NOISE X Y   its exposure K taken again and compared (cameracheck.h)
  *
  * The shot is recorded, and record and file are synced, before the rename: whatever happens between the two,
  * the next run finds either the whole file under its name or the whole file under the temporary one, and the
@@ -30,6 +34,16 @@
 
 typedef struct journal journal;
 
+/* A file that came with a picture: its name is the picture's without the ending, then rest. */
+typedef struct journal_file {
+    int64_t size, mtime_ns;
+    char digest[65];
+    char rest[40];
+} journal_file;
+
+/* ".shot-" and 16 digits: what the temporary names of a shot's files have in common */
+enum { TEMP_STEM = 22 };
+
 typedef struct journal_shot {
     int taken;
     int64_t size; /* bytes */
@@ -37,6 +51,10 @@ typedef struct journal_shot {
     char digest[65];    /* SHA-256 */
     double clip, black; /* shares of the pixels */
     char temp[40];      /* name of the temporary file in the session's folder */
+    double seconds, f_number, iso; /* as the picture states them; 0 = it doesn't */
+    journal_file *beside;          /* files that came with it, n_beside of them */
+    int n_beside;
+    char format[8]; /* of the picture, while it is fresh */
 } journal_shot;
 
 typedef struct journal_place {
@@ -80,8 +98,10 @@ int journal_run(journal *j, errmsg *e);
 int journal_set_steps(journal *j, const double steps[2], errmsg *e);
 int journal_begin(journal *j, int i, int jj, errmsg *e);
 int journal_arrived(journal *j, int i, int jj, const double xy[2], errmsg *e);
+/* Takes shot->beside over, whatever comes of it. */
 int journal_shot_taken(journal *j, int i, int jj, int k, const journal_shot *shot, const char *name,
                        errmsg *e);
 int journal_done(journal *j, int i, int jj, errmsg *e);
+int journal_check(journal *j, int i, int jj, int k, const double found[4], errmsg *e);
 
 #endif

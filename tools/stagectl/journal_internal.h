@@ -21,12 +21,21 @@ struct journal {
     int changed;  /* the plan on record is another: why */
     errmsg why;
     uint64_t met[2]; /* rows of session_keys that the plan on record has */
+    int ahead[3];    /* the exposure that the records "says" and "beside" last read are of */
+    journal_shot next; /* what they say */
 };
 
 /* journal.c */
 int journal_append(journal *j, errmsg *e, const char *fmt, ...) __attribute__((format(printf, 3, 4)));
 void journal_strike_off(
     journal *j); /* what is on record counts no longer, but its files are known to be ours */
+
+journal_place *journal_node(journal *j, int i, int jj); /* NULL: no such place */
+
+/* journal_shots.c */
+int journal_replay_shot(journal *j, int i, int jj, int k, journal_shot *t);
+int journal_replay_ahead(journal *j, const char *words);
+void journal_forget_ahead(journal *j); /* the records "says" and "beside" whose shot never came */
 
 /* journal_plan.c */
 int journal_counts(const session *s, const session_key *k); /* is it part of the plan's identity? */

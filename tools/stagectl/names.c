@@ -30,6 +30,12 @@ int name_picture(char out[NAME_ROOM], const session *s, int i, int j, int k, err
     return template_expand(out, NAME_ROOM, s->file, v, e) || inside(out, e) ? -1 : 0;
 }
 
+int name_stem(const char *name)
+{
+    const char *dot = strrchr(name, '.');
+    return dot && dot > name && !strchr(dot, '/') && strlen(dot) < 12 ? (int)(dot - name) : (int)strlen(name);
+}
+
 int name_times(char out[NAME_ROOM], const session *s, int i, int j, errmsg *e)
 {
     const template_var v[] = {{"i", NULL, i}, {"j", NULL, j}, {0}};
@@ -62,44 +68,75 @@ static int quote(char *out, size_t room, const char *s)
     return 0;
 }
 
-int name_command(argwords *argv, const session *s, const place *p, const double arrived[2], int k,
-                 const char *file, errmsg *e)
+/* What the braces stand for in one exposure's command. */
+typedef struct values {
+    char x[8][40], plane[256], file[2 * NAME_ROOM + 4096], stem[2 * NAME_ROOM + 4096];
+    argwords labels;
+    template_var v[20];
+} values;
+
+/* file NULL: not there.  quoted: as words of a command line for sh. */
+static int values_of(values *u, const session *s, const place *p, const double arrived[2], int k,
+                     const char *file, int quoted, errmsg *e)
 {
-    char x[8][40], plane[256], quoted[2 * NAME_ROOM + 4096], *word = malloc(WORD_ROOM);
     double measured[2];
-    argwords given, whole = {.n = 1};
-    char *one[2] = {s->command, NULL};
+    char stem[4096];
     plan_on_plane(measured, s, arrived);
-    number(x[0], p->plane[0]);
-    number(x[1], p->plane[1]);
-    number(x[2], measured[0]);
-    number(x[3], measured[1]);
-    number(x[4], arrived[0]);
-    number(x[5], arrived[1]);
-    number(x[6], s->exposure[k]);
-    number(x[7], s->fov > 0 ? s->fov : camera_default_fov);
-    plane_text(plane, s->plane);
-    int bad = word ? 0 : err_set(e, "out of memory");
-    if (!bad && s->shell && quote(quoted, sizeof quoted, file) != 0)
-        bad = err_set(e, "%s: the name is too long", file);
-    argwords labels = {0};
-    if (!bad) bad = argwords_split(&labels, s->labels, e);
-    const template_var v[] = {{"label", labels.n > k ? labels.word[k] : "", 0},
-                              {"file", s->shell ? quoted : file, 0},
-                              {"seconds", x[6], 0},
-                              {"x", x[0], 0},
-                              {"y", x[1], 0},
-                              {"ax", x[2], 0},
-                              {"ay", x[3], 0},
-                              {"mx", x[4], 0},
-                              {"my", x[5], 0},
-                              {"plane", plane, 0},
+    const double number_of[8] = {
+        p->plane[0], p->plane[1], measured[0],    measured[1],
+        arrived[0],  arrived[1],  s->exposure[k], s->fov > 0 ? s->fov : camera_default_fov};
+    for (int q = 0; q < 8; q++) number(u->x[q], number_of[q]);
+    plane_text(u->plane, s->plane);
+    u->labels = (argwords){0};
+    const int n = file ? snprintf(stem, sizeof stem, "%.*s", name_stem(file), file) : 0;
+    if (n < 0 || n >= (int)sizeof stem) return err_set(e, "%s: the name is too long", file);
+    if (file && quoted &&
+        (quote(u->file, sizeof u->file, file) != 0 || quote(u->stem, sizeof u->stem, stem) != 0))
+        return err_set(e, "%s: the name is too long", file);
+    if (argwords_split(&u->labels, s->labels, e) != 0) return -1;
+    const template_var v[] = {{"label", u->labels.n > k ? u->labels.word[k] : "", 0},
+                              {"seconds", u->x[6], 0},
+                              {"x", u->x[0], 0},
+                              {"y", u->x[1], 0},
+                              {"ax", u->x[2], 0},
+                              {"ay", u->x[3], 0},
+                              {"mx", u->x[4], 0},
+                              {"my", u->x[5], 0},
+                              {"plane", u->plane, 0},
                               {"lens", s->lens[0] ? s->lens : camera_default_lens, 0},
-                              {"fov", x[7], 0},
+                              {"fov", u->x[7], 0},
                               {"i", NULL, p->i},
                               {"j", NULL, p->j},
                               {"k", NULL, k},
+                              {file ? "file" : NULL, quoted ? u->file : file, 0},
+                              {"stem", u->stem, 0},
                               {0}};
+    if (file && !quoted) memcpy(u->stem, stem, (size_t)n + 1);
+    memcpy(u->v, v, sizeof v);
+    return 0;
+}
+
+int name_text(char out[WORD_ROOM], const session *s, const char *text, const place *p,
+              const double arrived[2], int k, errmsg *e)
+{
+    values *u = malloc(sizeof *u);
+    if (!u) return err_set(e, "out of memory");
+    int bad = values_of(u, s, p, arrived, k, NULL, 0, e);
+    if (!bad) bad = template_expand(out, WORD_ROOM, text, u->v, e);
+    argwords_free(&u->labels);
+    free(u);
+    return bad;
+}
+
+int name_command(argwords *argv, const session *s, const place *p, const double arrived[2], int k,
+                 const char *file, errmsg *e)
+{
+    char *word = malloc(WORD_ROOM);
+    values *u = calloc(1, sizeof *u);
+    argwords given, whole = {.n = 1};
+    char *one[2] = {s->command, NULL};
+    int bad = word && u ? values_of(u, s, p, arrived, k, file, s->shell, e) : err_set(e, "out of memory");
+    const template_var *v = u ? u->v : NULL;
     whole.word = one;
     argwords split = {0};
     if (!bad && !s->shell) bad = argwords_split(&split, s->command, e);
@@ -133,7 +170,8 @@ int name_command(argwords *argv, const session *s, const place *p, const double 
         }
     }
     argwords_free(&split);
-    argwords_free(&labels);
+    if (u) argwords_free(&u->labels);
+    free(u);
     free(word);
     return bad;
 }
@@ -164,5 +202,8 @@ int names_check(const session *s, errmsg *e)
     plan_place(&p, s, 0);
     if (name_command(&argv, s, &p, at, 0, "file", e) != 0) return -1;
     argwords_free(&argv);
-    return 0;
+    char *text = malloc(WORD_ROOM);
+    int bad = text ? name_text(text, s, s->expect_text, &p, at, 0, e) : err_set(e, "out of memory");
+    free(text);
+    return bad;
 }

@@ -1,10 +1,12 @@
 /* session.c - reads a session file and checks that its parts fit together. */
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "argwords.h"
+#include "asked.h"
 #include "camerawords.h"
 #include "fisheye.h"
 #include "ini.h"
@@ -12,7 +14,7 @@
 #include "session_internal.h"
 #include "stage.h"
 
-enum { MAX_KEYS = 64, MAX_BYTES = 1 << 20 };
+enum { MAX_KEYS = 128, MAX_BYTES = 1 << 20 };
 
 typedef struct reading {
     session *s;
@@ -76,14 +78,41 @@ static int place_folder(session *s, const char *path, errmsg *e)
     return 0;
 }
 
-/* A virtual camera renders for minutes at a place's first exposure. */
-static int settle_timeout(session *s, errmsg *e)
+/* What depends on the kind of camera: a virtual one renders for minutes at a place's first exposure; gphoto2
+ * prints an error and exits with 0. */
+static int settle_kind(session *s, errmsg *e)
 {
     argwords words;
-    if (s->timeout > 0) return 0;
     if (camera_words(&words, s, e) != 0) return -1;
-    s->timeout = camera_is_virtual(&words) ? 3600 : 30;
+    if (!(s->timeout > 0)) s->timeout = camera_is_virtual(&words) ? 3600 : 30;
+    int bad = 0;
+    if (!strcmp(s->error_text, "auto")) {
+        char *text = strdup(camera_runs(&words, "gphoto2") ? "*** Error" : "");
+        if (text) {
+            free(s->error_text);
+            s->error_text = text;
+        } else
+            bad = err_set(e, "out of memory");
+    }
     argwords_free(&words);
+    return bad;
+}
+
+/* A label that reads as a time has to be its exposure's. */
+static int check_labels(const session *s, const argwords *labels, errmsg *e)
+{
+    if (labels->n != 0 && labels->n != s->exposures)
+        return err_set(e, "[camera] labels: expected %d, one for each exposure, found %d", s->exposures,
+                       labels->n);
+    if (labels->n == 0 && (strstr(s->command, "{label}") || strstr(s->expect_text, "{label}")))
+        return err_set(e, "[camera] labels: expected them for {label}");
+    for (int k = 0; k < labels->n && s->list_times == TIMES_ASKED; k++) {
+        double t = asked_label(labels->word[k]);
+        if (t > 0 && fabs(log(t / s->exposure[k])) > log1p(s->time_tolerance) + 1e-9)
+            return err_set(
+                e, "[camera] labels: expected a word for %.6g s, found '%s' (a list of its own: exposures)",
+                s->exposure[k], labels->word[k]);
+    }
     return 0;
 }
 
@@ -106,14 +135,14 @@ static int check(const session *s, errmsg *e)
     argwords_free(&words);
     if (empty) return err_set(e, "[camera] command: expected a program");
     if (argwords_split(&words, s->labels, e) != 0) return -1;
-    int labels = words.n;
+    int bad_labels = check_labels(s, &words, e);
     argwords_free(&words);
-    if (labels != 0 && labels != s->exposures)
-        return err_set(e, "[camera] labels: expected %d, one for each exposure, found %d", s->exposures,
-                       labels);
-    if (labels == 0 && strstr(s->command, "{label}"))
-        return err_set(e, "[camera] labels: expected them for {label}");
-    if (!strstr(s->command, "{file}")) return err_set(e, "[camera] command: expected {file} in it");
+    if (bad_labels) return -1;
+    if (!strstr(s->command, "{file}") && !strstr(s->command, "{stem}"))
+        return err_set(e, "[camera] command: expected {file} in it");
+    if (!strcmp(s->times, "exif") || !strcmp(s->times, "asked"))
+        return err_set(e, "[output] times: expected the name of a list, found '%s', which belongs in [camera]",
+                       s->times);
     /* Names are tried on two nodes: each exposure of each place needs a name of its own. */
     if (names_check(s, e) != 0) return -1;
     return camera_agrees(s, e);
@@ -135,7 +164,7 @@ int session_load(session *out, const char *path, errmsg *e)
             bad =
                 err_set(e, "%s: expected '%s' in [%s]", path, session_keys[k].name, session_keys[k].section);
     if (!bad && check(&s, &why) != 0) bad = err_set(e, "%s: %s", path, why.text);
-    if (!bad) bad = settle_timeout(&s, e);
+    if (!bad) bad = settle_kind(&s, e);
     if (!bad) bad = place_folder(&s, path, e);
     free(text);
     if (bad) {
@@ -148,11 +177,10 @@ int session_load(session *out, const char *path, errmsg *e)
 
 void session_free(session *s)
 {
-    char **texts[] = {&s->driver, &s->port,       &s->axes,           &s->command,
-                      &s->labels, &s->error_text, &s->exposures_text, &s->folder,
-                      &s->file,   &s->times,      &s->before,         &s->beside,
-                      &s->hdrgen, &s->fishremap,  &s->ilfpack,        &s->light_field,
-                      &s->depends, &s->lens,      &s->home_folder};
+    char **texts[] = {&s->driver,      &s->port,           &s->axes,   &s->command,     &s->labels,
+                      &s->error_text,  &s->exposures_text, &s->folder, &s->file,        &s->times,
+                      &s->before,      &s->beside,         &s->hdrgen, &s->fishremap,   &s->ilfpack,
+                      &s->light_field, &s->depends,        &s->lens,   &s->home_folder, &s->expect_text};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         free(*texts[i]);
         *texts[i] = NULL;

@@ -14,6 +14,8 @@
 
 typedef enum capture_order { ORDER_SERPENTINE, ORDER_RASTER } capture_order;
 typedef enum picture_check { CHECK_DECODE, CHECK_SIZE } picture_check;
+typedef enum times_source { TIMES_ASKED, TIMES_EXIF } times_source;
+typedef enum fail_action { FAIL_STOP, FAIL_SKIP } fail_action;
 
 typedef struct session {
     /* [grid] */
@@ -41,10 +43,16 @@ typedef struct session {
     double fov;    /* degrees; 0 = likewise */
     int shell;
     char *labels;      /* a word for each exposure, {label}; "" = none */
-    char *error_text;  /* in the command's output it means failure; "" = none */
+    char *error_text;  /* in the command's output it means failure; "" = none; "auto" is replaced by the
+                          command's kind's */
+    char *expect_text; /* that the command has to print, with {label}...; "" = none */
     double timeout;    /* s beyond the exposure; 0 in the file is replaced by the camera's kind's */
     double kill_after; /* s from TERM to KILL */
     int retries;
+    double retry_wait;                    /* s before each */
+    int on_fail;                          /* fail_action: when the retries are used up */
+    int list_times;                       /* times_source: what stands in the list for hdrgen */
+    double time_tolerance, f_number, iso; /* what pictures may say of themselves (asked.h) */
     char *exposures_text;
     double exposure[EXPOSURES_MAX]; /* s, rising */
     int exposures;
@@ -53,6 +61,8 @@ typedef struct session {
     double clip_level, black_level; /* of the highest code */
     double circle;   /* radius of the image circle over half the picture's height; 0 = whole picture */
     int check;       /* picture_check */
+    int check_picture;       /* places between looks at whether the camera still sees the same; 0 = never */
+    double check_difference; /* share of the contrast by which it may differ */
     double overhead; /* s per exposure besides the exposure, for the plan's times */
     double file_mb;  /* expected size of a file, for the plan's space */
     /* [output] */

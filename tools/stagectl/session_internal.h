@@ -15,6 +15,8 @@ typedef enum key_kind {
     KEY_YES_NO,
     KEY_ORDER,
     KEY_CHECK,
+    KEY_TIMES,
+    KEY_ON_FAIL,
     KEY_AXES,
     KEY_EXPOSURES
 } key_kind;

@@ -30,16 +30,23 @@ const session_key session_keys[] = {
     {"stage", "steps_per_mm", KEY_NUMBERS2, AT(steps_per_mm), 0, 1e6, "0 0", 1, "steps per mm of x and y where the controller can't say (c4); 0 0 = as the controller says"},
     {"stage", "home_timeout", KEY_NUMBER, AT(home_timeout), 1, 3600, "120", 0, "longest time that homing may take, s"},
     {"stage", "acceleration", KEY_NUMBER, AT(acceleration), 0, 1e6, "0", 0, "for the plan's times, mm/s2; 0 = as the controller says"},
-    {"camera", "command", KEY_TEXT, AT(command), 0, 0, NULL, 1, "run for each exposure; {file} {seconds} {label} {i} {j} {k} {x} {y} {ax} {ay} {mx} {my} {plane} {lens} {fov}"},
+    {"camera", "command", KEY_TEXT, AT(command), 0, 0, NULL, 1, "run for each exposure; {file} {stem} {seconds} {label} {i} {j} {k} {x} {y} {ax} {ay} {mx} {my} {plane} {lens} {fov}"},
     {"camera", "depends", KEY_TEXT, AT(depends), 0, 0, "auto", 0, "files that decide what it sees, relative to the session file: when one changes, the capture is refused; auto = octree, falloff and response of a virtualcamera; none"},
     {"camera", "lens", KEY_TEXT, AT(lens), 0, 0, "", 2, "{lens} here and in [chain]; empty = the virtualcamera's, equidistant"},
     {"camera", "fov", KEY_NUMBER, AT(fov), 0, 360, "0", 2, "{fov} here and in [chain], degrees; 0 = the virtualcamera's, 185"},
     {"camera", "labels", KEY_TEXT, AT(labels), 0, 0, "", 1, "a word for each exposure, {label} in the command: what the camera calls it"},
-    {"camera", "error_text", KEY_TEXT, AT(error_text), 0, 0, "", 0, "text that means failure when the command prints it, whatever its exit code"},
+    {"camera", "error_text", KEY_TEXT, AT(error_text), 0, 0, "auto", 0, "texts, parted by |, that mean failure when the command prints one, whatever its exit code; auto = *** Error for gphoto2; empty = none"},
+    {"camera", "expect_text", KEY_TEXT, AT(expect_text), 0, 0, "", 0, "text that the command has to print, with {label} and the like; empty = none"},
+    {"camera", "times", KEY_TIMES, AT(list_times), 0, 0, "asked", 1, "times in hdrgen's list: asked (a picture that says another is refused) or exif (as each picture says)"},
+    {"camera", "time_tolerance", KEY_NUMBER, AT(time_tolerance), 0, 100, "0.12", 0, "share by which the time that a picture says may be off what was asked (1/60 means 1/64)"},
+    {"camera", "f_number", KEY_NUMBER, AT(f_number), -1, 1000, "0", 0, "that pictures have to say; 0 = the one of the session's first, -1 = not looked at"},
+    {"camera", "iso", KEY_NUMBER, AT(iso), -1, 1e8, "0", 0, "likewise"},
     {"camera", "shell", KEY_YES_NO, AT(shell), 0, 0, "no", 1, "give the command to sh -c instead of running its words"},
     {"camera", "timeout", KEY_NUMBER, AT(timeout), 0, 86400, "0", 0, "longest time beyond the exposure itself, s; 0 = 30, or 3600 for a virtualcamera, which renders a place at its first exposure"},
     {"camera", "kill_after", KEY_NUMBER, AT(kill_after), 0, 3600, "5", 0, "from asking an overdue camera to end (TERM) to ending it (KILL), s"},
     {"camera", "retries", KEY_WHOLE, AT(retries), 0, 100, "2", 0, "times that a failed exposure is tried again"},
+    {"camera", "retry_wait", KEY_NUMBER, AT(retry_wait), 0, 3600, "1", 0, "rest before each of them, s"},
+    {"camera", "on_fail", KEY_ON_FAIL, AT(on_fail), 0, 0, "stop", 0, "when they are used up: stop, or skip (go on with the next place, and take what is missing at the end)"},
     {"camera", "exposures", KEY_EXPOSURES, AT(exposures_text), 0, 0, "from 1/16384 to 2 step 1", 1, "seconds, rising, or 'from A to B step S' in stops"},
     {"camera", "auto", KEY_YES_NO, AT(adaptive), 0, 0, "no", 1, "take only the exposures that a place needs"},
     {"camera", "clip_share", KEY_NUMBER, AT(clip_share), 0, 1, "0", 1, "auto: share of the pixels that may clip in the shortest exposure"},
@@ -48,6 +55,8 @@ const session_key session_keys[] = {
     {"camera", "black_level", KEY_NUMBER, AT(black_level), 0, 0.99, "0.02", 1, "auto: a pixel is black up to this share of the highest code"},
     {"camera", "circle", KEY_NUMBER, AT(circle), 0, 10, "0.97", 1, "radius of the image circle over half the shorter side: what lies outside does not count for auto, nor for hdrgen's counts; 0 = whole picture"},
     {"camera", "check", KEY_CHECK, AT(check), 0, 0, "decode", 0, "what makes a file good: decode (all of it can be read) or size (not empty)"},
+    {"camera", "check_picture", KEY_WHOLE, AT(check_picture), 0, 1e6, "0", 0, "after each so many places, at the end and on going on: the first place's picture twice more, compared with the one on record; 0 = never"},
+    {"camera", "check_difference", KEY_NUMBER, AT(check_difference), 0, 1, "0.02", 0, "share of its contrast by which it may differ (and twice what two in a row do)"},
     {"camera", "overhead", KEY_NUMBER, AT(overhead), 0, 3600, "0", 0, "for the plan's times: s per exposure besides the exposure"},
     {"camera", "file_mb", KEY_NUMBER, AT(file_mb), 0, 1e5, "1", 0, "for the plan's space: size of a file in MB"},
     {"output", "folder", KEY_TEXT, AT(folder), 0, 0, NULL, 0, "where journal and pictures go, relative to the session file"},
@@ -85,7 +94,9 @@ static int take_choice(int *v, const char *value, const char *const *names, errm
 }
 
 static const char *const no_yes[] = {"no", "yes", NULL}, *const orders[] = {"serpentine", "raster", NULL},
-                         *const checks[] = {"decode", "size", NULL};
+                         *const checks[] = {"decode", "size", NULL},
+                         *const sources[] = {"asked", "exif", NULL},
+                         *const actions[] = {"stop", "skip", NULL};
 
 static int take_text(char **v, const char *value, errmsg *e)
 {
@@ -144,6 +155,10 @@ int session_take(session *s, const session_key *k, const char *value, errmsg *e)
         return take_choice(at, value, orders, e);
     case KEY_CHECK:
         return take_choice(at, value, checks, e);
+    case KEY_TIMES:
+        return take_choice(at, value, sources, e);
+    case KEY_ON_FAIL:
+        return take_choice(at, value, actions, e);
     case KEY_AXES:
         return take_axes(s, value, e);
     case KEY_EXPOSURES:
@@ -178,6 +193,12 @@ void session_value(char *out, size_t room, const session *s, const session_key *
         return;
     case KEY_CHECK:
         snprintf(out, room, "%s", checks[*(const int *)at]);
+        return;
+    case KEY_TIMES:
+        snprintf(out, room, "%s", sources[*(const int *)at]);
+        return;
+    case KEY_ON_FAIL:
+        snprintf(out, room, "%s", actions[*(const int *)at]);
         return;
     case KEY_EXPOSURES:
         at = s->exposure;

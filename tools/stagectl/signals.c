@@ -3,9 +3,12 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <signal.h>
 #include <stddef.h>
 #include <unistd.h>
+
+#include "deadline.h"
 
 static volatile sig_atomic_t first, pending, asked;
 static int wake[2] = {-1, -1};
@@ -59,6 +62,18 @@ void signals_acknowledge(void)
     char sink[64];
     pending = 0;
     while (read(wake[0], sink, sizeof sink) > 0) {
+    }
+}
+
+int signals_pause(double seconds)
+{
+    const double until = now_s() + seconds;
+    struct pollfd f = {.fd = wake[0], .events = POLLIN};
+    for (;;) {
+        if (pending) return -1;
+        int n = poll(&f, 1, left_ms(until));
+        signals_answer();
+        if (n == 0 || (n < 0 && errno != EINTR)) return pending ? -1 : 0;
     }
 }
 

@@ -20,7 +20,7 @@ static struct {
     const char *port, *driver;
     double feed, settle, home_timeout;
     double steps_per_mm[2], from[2];
-    int dry_run, assume_position, have_from, anew;
+    int dry_run, assume_position, have_from, anew, keep_trying;
 } o = {.feed = 1500, .settle = 0.1, .home_timeout = 120};
 
 static int take_pair(const char *value, void *arg, errmsg *e)
@@ -43,6 +43,8 @@ static const cli_opt opts[] = {
      "capture: don't home, the stage has kept its position"},
     {"anew", 0, CLI_FLAG, &o.anew, NULL, NULL,
      "capture: take all exposures again, over those that are there: the room, or the plan, is another"},
+    {"keep-trying", 0, CLI_FLAG, &o.keep_trying, NULL, NULL,
+     "capture: after a failure of camera or stage (unplugged, say) go on by itself"},
     {"dry-run", 0, CLI_FLAG, &o.dry_run, NULL, NULL, "say what would be done; touch neither stage nor files"},
     {0}};
 
@@ -256,6 +258,7 @@ static int do_capture(const char *path)
                      .stage = &st,
                      .port = o.port ? o.port : s.port,
                      .assume_position = o.assume_position,
+                     .keep_trying = o.keep_trying,
                      .say = warn,
                      .progress = progress};
     if (o.driver && strcmp(o.driver, s.driver) != 0)
