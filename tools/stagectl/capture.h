@@ -46,7 +46,7 @@ typedef struct capture_run {
     int was_known;                /* the stage's position, once in this run */
     long unchecked, doubt_from;   /* places since the last look at the switches; index of the first of them */
     double switch_at[2];          /* where they were just after homing, machine mm */
-    int has_switch[2], in_doubt;  /* ... found; places that a check called in doubt */
+    int has_baseline, has_switch[2], in_doubt; /* looked for; found; places that a check called in doubt */
 } capture_run;
 
 /* Compare the files with the journal.  full: read them all; else those whose size and time are as recorded

@@ -108,7 +108,8 @@ static stage_code home(capture_run *r, errmsg *e)
     stage *st = r->stage;
     capture_show(r, "homing");
     stage_code c = st->driver->home(st, e);
-    if (c != STAGE_OK || !r->s->check_home) return c;
+    if (c != STAGE_OK || !r->s->check_home || r->has_baseline) return c;
+    r->has_baseline = 1;
     c = find(r, r->switch_at, r->has_switch, e);
     if (c == STAGE_OK && !(r->has_switch[0] && r->has_switch[1]))
         say(r, "check_home: the controller doesn't show both homing switches where it homes (Pn: in its status; $20=1 "
@@ -187,8 +188,8 @@ stage_code capture_check_home(capture_run *r, long index, errmsg *e)
         if (!r->has_switch[a] && !found[a]) continue;
         if (found[a] && r->has_switch[a] && fabs(by) <= drift_mm) continue;
         if (!found[a])
-            snprintf(words + n, sizeof words - n, "%s %c has drifted, by more than %.2f mm away from its switch", amiss ? " and" : "",
-                     "xy"[a], fabs(by));
+            snprintf(words + n, sizeof words - n, "%s %c has drifted away from its switch%s", amiss ? " and" : "", "xy"[a],
+                     " (how far can't be seen: with $20=1 the controller goes no further)");
         else
             snprintf(words + n, sizeof words - n, "%s %c has drifted by %.2f mm (it stands at %+.2f of what is reported)",
                      amiss ? " and" : "", "xy"[a], fabs(by), -by);

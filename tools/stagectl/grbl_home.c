@@ -119,7 +119,7 @@ stage_code grbl_home(stage *s, errmsg *e)
     return STAGE_OK;
 }
 
-stage_code grbl_unlock(stage *s, errmsg *e)
+static stage_code unlock(stage *s, int *pressed, errmsg *e)
 {
     grbl *g = s->state;
     grbl_message m;
@@ -129,10 +129,20 @@ stage_code grbl_unlock(stage *s, errmsg *e)
     if (r == STAGE_OK) r = grbl_query(s, &m, xy, e);
     if (r == STAGE_OK) r = grbl_stuck(s, &m, "unlocking", e);
     if (r != STAGE_OK) return r;
-    if (g->hard_limits && (m.limits & 3) && s->note)
+    *pressed = m.limits & 3;
+    g->alarm = s->locked = 0;
+    return STAGE_OK;
+}
+
+stage_code grbl_unlock(stage *s, errmsg *e)
+{
+    grbl *g = s->state;
+    int pressed;
+    stage_code r = unlock(s, &pressed, e);
+    if (r != STAGE_OK) return r;
+    if (g->hard_limits && pressed && s->note)
         s->note("stage: a limit switch is still pressed: with $21=1 the controller locks again at each start, and as it "
                 "leaves the switch; move the stage off it by hand, or home it");
-    g->alarm = s->locked = 0;
     s->position_known = 1; /* the user's word */
     return STAGE_OK;
 }
@@ -140,7 +150,7 @@ stage_code grbl_unlock(stage *s, errmsg *e)
 /* ---- where the switches are ------------------------------------------------------------------------ */
 
 /* mm: first look, then closely; how far past the place where it should be to look at most. */
-static const double coarse_mm = 0.25, fine_mm = 0.02, past_mm = 5;
+static const double coarse_mm = 0.25, fine_mm = 0.02, past_mm = 5, run_up_mm = 2;
 
 /* Go there slowly.  A hard limit on the way is what is looked for: *hit, and out of the alarm again. */
 static stage_code creep(stage *s, const double to[2], int *hit, unsigned *pressed, errmsg *e)
@@ -148,11 +158,13 @@ static stage_code creep(stage *s, const double to[2], int *hit, unsigned *presse
     grbl *g = s->state;
     grbl_message m;
     double xy[2];
-    const double path[1][2] = {{to[0], to[1]}}, feed = g->locate > 0 ? fmax(g->locate, 30) : 60;
+    int limits;
+    const double path[1][2] = {{to[0], to[1]}}, slow = g->locate > 0 ? fmax(g->locate, 30) : 60;
+    const double feed = g->hard_limits ? slow : fmax(slow, 300); /* single steps stop by themselves */
     g->alarm = 0;
     stage_code r = grbl_go(s, path, 1, feed, 0, e);
     *hit = r == STAGE_REFUSED && g->alarm == 1;
-    if (*hit) r = grbl_unlock(s, e); /* a stop from a creep loses no step; homing follows anyhow */
+    if (*hit) r = unlock(s, &limits, e); /* a stop from a creep loses no step; homing follows anyhow */
     if (*hit) s->under_way = 0;
     if (r == STAGE_OK) r = grbl_query(s, &m, xy, e);
     if (r == STAGE_OK) *pressed = (unsigned)m.limits;
@@ -212,9 +224,10 @@ stage_code grbl_find_switches(stage *s, double seen[2], int found[2], errmsg *e)
         seen[a] = at[a];
         found[a] = 0;
     }
-    /* to where homing ends, at a move's speed but for the last millimetres */
+    /* to where homing ends, at a move's speed; with hard limits but for the last millimetres */
     double before[2];
-    for (int a = 0; a < 2; a++) before[a] = at[a] - direction[a] * fmin(past_mm, g->travel[a] / 2);
+    for (int a = 0; a < 2; a++)
+        before[a] = at[a] - direction[a] * (g->hard_limits ? fmin(run_up_mm, g->travel[a] / 2) : 0);
     const double path[1][2] = {{before[0], before[1]}};
     double feed = fmin(s->facts.max_feed[0], s->facts.max_feed[1]);
     stage_code r = grbl_go(s, path, 1, feed > 0 ? fmin(feed, 1500) : 600, 0, e);
