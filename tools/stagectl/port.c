@@ -114,7 +114,7 @@ int port_open(port **out, const char *path, int baud, errmsg *warning, errmsg *e
 {
     port *p = calloc(1, sizeof *p);
     struct stat st;
-    char who[128];
+    char who[128] = "";
     warning->text[0] = 0;
     if (!p) return err_set(e, "out of memory");
     if (!strncmp(path, "tcp:", 4)) {
@@ -129,7 +129,7 @@ int port_open(port **out, const char *path, int baud, errmsg *warning, errmsg *e
     if (p->fd < 0) {
         int why = errno;
         err_errno(e, "%s", path);
-        if (why == EBUSY && port_holder(who, sizeof who, path)) err_set(e, "%s: the port is in use by %s", path, who);
+        if (why == EBUSY && port_holder(who, sizeof who, path)) err_set(e, "%s: the port is in use by another program: %s", path, who);
         free(p);
         return -1;
     }
@@ -137,8 +137,7 @@ int port_open(port **out, const char *path, int baud, errmsg *warning, errmsg *e
     if (fstat(p->fd, &st) != 0 || !S_ISCHR(st.st_mode) || tcgetattr(p->fd, &p->before) != 0)
         bad = err_set(e, "%s: expected a serial port", path);
     else if (flock(p->fd, LOCK_EX | LOCK_NB) != 0)
-        bad = err_set(e, "%s: the port is in use by %s", path,
-                      port_holder(who, sizeof who, path) ? who : "another program");
+        bad = err_set(e, "%s: the port is in use by another program%s%s", path, port_holder(who, sizeof who, path) ? ": " : "", who);
     else if (ioctl(p->fd, TIOCEXCL) != 0) /* keeps out those who don't lock */
         bad = err_errno(e, "%s: exclusive use", path);
     if (bad) {

@@ -205,14 +205,16 @@ static int dollar(vgrbl *g, const char *line)
         g->home_end = g->now + longest / (g->set.home_rate / 60) + 3; /* and the slow approach */
         return -1;
     }
+    if (!strcmp(line, "$G")) { /* at any time */
+        vgrbl_say(g, "[GC:G%d G54 G17 G%d G%d G94 M5 M9 T0 F%.0f S0]\r\n", g->motion, g->inch_mode ? 20 : 21,
+                  g->relative ? 91 : 90, g->ask_feed);
+        return 0;
+    }
     if (!quiet) return 8;
     if (!strcmp(line, "$$"))
         settings(g);
     else if (!strcmp(line, "$I"))
         vgrbl_say(g, "[VER:1.1h.20190825:]\r\n[OPT:V,15,128]\r\n");
-    else if (!strcmp(line, "$G"))
-        vgrbl_say(g, "[GC:G%d G54 G17 G%d G%d G94 M5 M9 T0 F%.0f S0]\r\n", g->motion, g->inch_mode ? 20 : 21,
-                  g->relative ? 91 : 90, g->ask_feed);
     else
         return 3;
     return 0;
