@@ -49,6 +49,12 @@ int port_open(port **p, const char *path, int baud, errmsg *warning, errmsg *e)
     return 0;
 }
 
+int port_drop_dtr(port *p, const char *path, errmsg *e)
+{
+    (void)p;
+    return err_set(e, "%s: no such lines", path);
+}
+
 void port_close(port *p)
 {
     (void)p;

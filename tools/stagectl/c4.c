@@ -15,7 +15,7 @@
 #include "signals.h"
 #include "stage.h"
 
-static const double send_s = 5, accept_s = 2, slow_steps_per_s = 50;
+static const double home_s = 120, send_s = 5, accept_s = 2, slow_steps_per_s = 50;
 
 typedef struct c4 {
     long at[2]; /* half steps from home */
@@ -89,12 +89,14 @@ static stage_code c4_home(stage *s, errmsg *e)
     c4 *c = s->state;
     port_discard(s->port);
     s->position_known = 0;
+    s->under_way = 1;
     stage_code r = say(s, "!1h12\r", 6, 0, "homing", e);
-    double deadline = now_s() + s->home_timeout_s;
+    double deadline = now_s() + (s->home_timeout_s > 0 ? s->home_timeout_s : home_s);
     for (int k = 0; k < 2 && r == STAGE_OK; k++) r = hear(s, 'o', deadline, "homing", e);
     if (r != STAGE_OK) return r;
     c->at[0] = c->at[1] = 0;
     s->position_known = 1;
+    s->under_way = 0;
     return STAGE_OK;
 }
 
@@ -126,6 +128,7 @@ static stage_code c4_go(stage *s, const double (*path)[2], int n, double feed, d
         if (len == 0) continue;
         int known = s->position_known;
         s->position_known = 0; /* until the answer says that it got there */
+        s->under_way = 1;
         stage_code r = say(s, line, len, 0, "sending a move", e);
         if (r == STAGE_OK) r = hear(s, 'a', now_s() + accept_s, "waiting for a move to be taken", e);
         double most = (double)(labs(by[0]) + labs(by[1]));
@@ -133,6 +136,7 @@ static stage_code c4_go(stage *s, const double (*path)[2], int n, double feed, d
         if (r != STAGE_OK) return r;
         memcpy(c->at, to, sizeof to);
         s->position_known = known;
+        s->under_way = 0;
     }
     return wait_still(s, settle_s, e);
 }
@@ -153,7 +157,8 @@ static stage_code c4_check(stage *s, errmsg *e)
 
 static stage_code c4_halt(stage *s, errmsg *e)
 {
-    if (s->position_known) return STAGE_OK; /* known only while it stands */
+    if (s->position_known && !s->under_way) return STAGE_OK; /* known only while it stands */
+    s->under_way = 0;
     return say(s, "!1a\r", 4, 1, "stopping", e);
 }
 

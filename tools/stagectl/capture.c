@@ -1,5 +1,6 @@
 /* capture.c - the loop over places; see capture.h. */
 #include "capture.h"
+#include "capture_stage.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -18,7 +19,7 @@
 #include "signals.h"
 #include "trying.h"
 
-static void show(capture_run *r, const char *doing)
+void capture_show(capture_run *r, const char *doing)
 {
     long left = r->now.places - r->now.places_done;
     r->now.doing = doing;
@@ -146,55 +147,6 @@ static stage_code open_files(capture_run *r, errmsg *e)
     return STAGE_OK;
 }
 
-static int check_travel(const capture_run *r, errmsg *e)
-{
-    const session *s = r->s;
-    const stage_facts *f = &r->stage->facts;
-    const double *t = s->travel, lo[2] = {t[0], t[2]}, hi[2] = {t[1], t[3]};
-    int stated = t[0] < t[1] || t[2] < t[3];
-    if (f->has_travel && plan_check_travel(s, f->lo, f->hi, e) != 0) return -1;
-    if (stated) return plan_check_travel(s, lo, hi, e);
-    if (!f->has_travel && r->say)
-        r->say("travel not checked: the controller doesn't say and [stage] travel is not given");
-    return 0;
-}
-
-/* Connect, compare with the journal, check every point, home. */
-static stage_code ready_stage(capture_run *r, errmsg *e)
-{
-    const session *s = r->s;
-    stage *st = r->stage;
-    const stage_driver *d = stage_driver_by_name(s->driver);
-    st->home_timeout_s = s->home_timeout;
-    memcpy(st->stated_steps_per_mm, s->steps_per_mm, sizeof st->stated_steps_per_mm);
-    show(r, "connecting");
-    stage_code c = stage_open(st, d, trying_port(r), e);
-    r->trying.port_failed = c == STAGE_FAILED;
-    if (c != STAGE_OK) return c;
-    trying_port_open(r);
-    const double *before = journal_steps(r->j), *now = st->facts.steps_per_mm;
-    if (before && (before[0] != now[0] || before[1] != now[1])) {
-        err_set(e, "stage: expected %g x %g steps/mm as when the session began, found %g x %g", before[0],
-                before[1], now[0], now[1]);
-        return STAGE_FAILED;
-    }
-    if (!before && journal_set_steps(r->j, now, e) != 0) return STAGE_FAILED;
-    if (check_travel(r, e) != 0) return STAGE_FAILED;
-    const double *last = journal_last_arrived(r->j), zero[2] = {0, 0};
-    if (r->assume_position || (!s->home && !last)) {
-        d->assume(st, last ? last : zero);
-        return STAGE_OK;
-    }
-    if (!s->home) {
-        err_set(
-            e,
-            "stage: the session has home = no: resume with --assume-position if the stage has kept its zero");
-        return STAGE_FAILED;
-    }
-    show(r, "homing");
-    return d->home(st, e);
-}
-
 static stage_code take_place(capture_run *r, const place *p, const double *from, errmsg *e)
 {
     const session *s = r->s;
@@ -202,7 +154,7 @@ static stage_code take_place(capture_run *r, const place *p, const double *from,
     double path[2][2], arrived[2];
     char state[32];
     journal_place *jp = journal_at(r->j, p->i, p->j);
-    show(r, "moving");
+    capture_show(r, "moving");
     if (!jp->begun && journal_begin(r->j, p->i, p->j, e) != 0) return STAGE_FAILED;
     stage_code c = st->driver->check(st, e);
     int n = plan_path(path, s, from, p->machine);
@@ -212,7 +164,7 @@ static stage_code take_place(capture_run *r, const place *p, const double *from,
     if (journal_arrived(r->j, p->i, p->j, arrived, e) != 0) return STAGE_FAILED;
     for (int k; (k = next_exposure(r, jp)) >= 0;) {
         r->now.k = k;
-        show(r, "exposing");
+        capture_show(r, "exposing");
         if ((c = shot_take(r, p, arrived, k, e)) != STAGE_OK) return c;
         r->now.shots++;
         r->shots_taken++;
@@ -230,7 +182,7 @@ static stage_code visit(capture_run *r, const place *p, int needed, double at[2]
         return STAGE_INTERRUPTED;
     }
     if (needed && !r->stage->port) {
-        c = ready_stage(r, e);
+        c = capture_ready_stage(r, e);
         if (c == STAGE_OK) c = camera_check(r, p, 1, 0, at, from, e);
         r->started_s = now_s();
     }
@@ -239,9 +191,14 @@ static stage_code visit(capture_run *r, const place *p, int needed, double at[2]
         memcpy(at, p->machine, 2 * sizeof *at);
         *from = at;
         r->places_this_run++;
+        if (r->unchecked++ == 0) r->doubt_from = p->index;
     }
     if (c == STAGE_OK) c = finish_place(r, p, e);
-    if (c == STAGE_OK && needed) show(r, "done");
+    if (c == STAGE_OK && needed) capture_show(r, "done");
+    if (c == STAGE_OK && r->s->check_home > 0 && r->unchecked >= r->s->check_home) {
+        c = capture_check_home(r, p->index, e);
+        *from = NULL;
+    }
     if (c == STAGE_OK && needed) c = camera_check(r, p, 0, 0, at, from, e);
     return c;
 }
@@ -276,6 +233,11 @@ static stage_code once_over(capture_run *r, int only_missing, long *left, errmsg
         *left += left_for_later(r, &c, e);
         if (c != STAGE_OK) return c;
     }
+    if (s->check_home > 0 && r->unchecked > 0) {
+        stage_code c = capture_check_home(r, plan_places(s) - 1, e);
+        if (c != STAGE_OK) return c;
+        from = NULL;
+    }
     return camera_check(r, NULL, 0, 1, at, &from, e);
 }
 
@@ -292,21 +254,6 @@ static stage_code all_places(capture_run *r, errmsg *e)
             why.text);
     r->camera_failed = 1;
     return STAGE_FAILED;
-}
-
-/* After an end before its time: the stage must not go on moving.  What the session ended for stays the
- * reason. */
-static void leave_stage_still(capture_run *r, stage_code why)
-{
-    stage *st = r->stage;
-    errmsg words;
-    if (!st->port || why == STAGE_GONE) return;
-    if (why == STAGE_INTERRUPTED) signals_acknowledge();
-    stage_code c = st->driver->halt(st, &words);
-    if (c != STAGE_OK && c != STAGE_INTERRUPTED && r->say)
-        r->say(words.text);
-    else if (!st->position_known && r->say)
-        r->say("stage: its position is lost");
 }
 
 /* What the session's first picture said of f-number and ISO, as far as it is on record. */
@@ -331,7 +278,7 @@ static stage_code try_all_places(capture_run *r, errmsg *e)
         stage_code c = all_places(r, e);
         if (c == STAGE_OK || !r->keep_trying) return c;
         if (c != STAGE_INTERRUPTED && !(c == STAGE_FAILED && r->camera_failed)) {
-            leave_stage_still(r, c);
+            capture_leave_stage(r, c);
             stage_close(r->stage);
         }
         if (!trying_again(r, &c, e)) return c;
@@ -354,7 +301,7 @@ stage_code capture_all(capture_run *r, errmsg *e)
         if (c == STAGE_OK) c = wait_for_camera(r, e);
         if (c == STAGE_OK) c = try_all_places(r, e);
     }
-    if (c != STAGE_OK) leave_stage_still(r, c);
+    if (c != STAGE_OK) capture_leave_stage(r, c);
     errmsg why;
     if (shots_commit(r, &why) != 0 && c == STAGE_OK) {
         *e = why;

@@ -49,6 +49,7 @@ typedef struct capture_run {
     const char *port;
     int assume_position;
     int keep_trying;
+    int baud, dtr_off; /* of the command line; 0 = the session's */
     void (*say)(const char *words);              /* for the user, one line; may be NULL */
     void (*progress)(const capture_progress *p); /* after each step; may be NULL */
     capture_progress now;
@@ -68,6 +69,10 @@ typedef struct capture_run {
     double started_s;
     long places_this_run;
     int guess;
+    int was_known;                /* the stage's position, once in this run */
+    long unchecked, doubt_from;   /* places since the last look at the switches; index of the first of them */
+    double switch_at[2];          /* where they were just after homing, machine mm */
+    int has_baseline, has_switch[2], in_doubt; /* looked for; found; places that a check called in doubt */
 } capture_run;
 
 /* Compare the files with the journal.  full: read them all; else those whose size and time are as recorded
@@ -89,6 +94,9 @@ stage_code shot_take(capture_run *r, const place *p, const double arrived[2], in
 
 /* Remove the lists of times of all places: none of them is done any more. */
 int times_remove(const session *s, errmsg *e);
+
+/* Tell r->progress. */
+void capture_show(capture_run *r, const char *doing);
 
 /* All that is left of the session.  Returns the exit code (STAGE_OK, or why it ended). */
 stage_code capture_all(capture_run *r, errmsg *e);

@@ -1,36 +1,52 @@
 /*
- * grbl.c - driver for GRBL 1.1 and grblHAL: a dwell as the barrier, the position read back.
- *
- * ok means parsed and queued, not moved.  The ok of a dwell (G4) comes when the planner is empty and the
- * dwell is over; only a status of Idle at the target is taken as standing still.
+ * grbl.c - driver for GRBL 1.1 and grblHAL: finding out who is there and what its settings say.  Moves are in
+ * grbl_move.c, homing and its switches in grbl_home.c.
  */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "deadline.h"
-#include "grbl_talk.h"
+#include "grbl_drive.h"
 
 /* A boot loader's patience; after that a reset is sent and waited for.  Seconds. */
 static const double banner_s = 3, reset_s = 3;
 
 /* Machine space: homing ends at the switch, and GRBL counts from there: -travel..0, whichever end the switch
- * is at; built with the zero at home ('Z', or bit 3 of grblHAL's $22) it is 0..travel where $23 says so. */
+ * is at; built with the zero at home ('Z', or bit 3 of grblHAL's $22) it is 0..travel where $23 says so.  With
+ * hard limits ($21) the switch itself is out of bounds: touching it is an alarm.  The pull-off ($27) is the
+ * distance at which it is known to be open; with the zero at home that is where the zero already lies. */
 static void set_travel(stage *s)
 {
     grbl *g = s->state;
     stage_facts *f = &s->facts;
     f->can_home = g->home_switch & 1;
-    f->has_travel = f->can_home && f->hi[0] > 0 && f->hi[1] > 0;
+    f->has_travel = f->can_home && g->travel[0] > 0 && g->travel[1] > 0;
     if (g->is_hal && (g->home_switch & 8)) g->origin_at_home = 1;
+    f->margin_mm = g->hard_limits && !g->origin_at_home ? g->pull_off : 0;
     for (int a = 0; a < 2; a++) {
-        double travel = f->hi[a];
-        int positive = g->origin_at_home && (g->home_direction >> a & 1);
-        f->lo[a] = positive ? 0 : -travel;
-        f->hi[a] = positive ? travel : 0;
+        int low_end = g->home_direction >> a & 1, positive = g->origin_at_home && low_end;
+        f->lo[a] = positive ? 0 : -g->travel[a];
+        f->hi[a] = positive ? g->travel[a] : 0;
+        if (low_end)
+            f->lo[a] += f->margin_mm;
+        else
+            f->hi[a] -= f->margin_mm;
     }
+    if (g->is_hal && (g->keep_on & 3) == 3) f->motors_rest_ms = 255;
+}
+
+/* All settings.  A damaged line of them can't be told from one that isn't there: read again. */
+static stage_code read_settings(stage *s, errmsg *e)
+{
+    grbl *g = s->state;
+    stage_code r = STAGE_OK;
+    for (int tries = 0, noise = -1; tries < 3 && r == STAGE_OK && noise != g->noise; tries++) {
+        noise = g->noise;
+        r = grbl_command(s, "$$\n", answer_s, "reading the controller's settings", e);
+    }
+    return r;
 }
 
 /* Find out that someone is there.  Opening the port reboots many boards: their banner comes within 3 s.
@@ -40,7 +56,7 @@ static stage_code wake(stage *s, errmsg *e)
     grbl *g = s->state;
     grbl_message m;
     double start = now_s(), ask = start;
-    int reset_sent = 0;
+    int reset_sent = 0, status_seen = 0;
     for (;;) {
         double now = now_s();
         if (now >= start + banner_s + reset_s) {
@@ -60,16 +76,31 @@ static stage_code wake(stage *s, errmsg *e)
         if (r == STAGE_SILENT) continue;
         if (r != STAGE_OK) return r;
         if (m.kind == GRBL_STATUS) {
-            s->position_known = m.state != GRBL_ALARMED;
-            if (m.state == GRBL_IDLE || m.state == GRBL_ALARMED || m.state == GRBL_HELD)
+            status_seen = 1;
+            int still = m.state == GRBL_IDLE || m.state == GRBL_ALARMED || m.state == GRBL_HELD ||
+                        m.state == GRBL_CHECK || m.state == GRBL_SLEEP;
+            s->position_known = m.state != GRBL_ALARMED && m.state != GRBL_SLEEP;
+            if (s->look_only) {
+                snprintf(s->facts.ident, sizeof s->facts.ident, "GRBL"); /* $I tells more */
+                if (m.state == GRBL_IDLE || m.state == GRBL_ALARMED) return STAGE_OK;
+                err_set(e, "stage: in state %s: not disturbed", grbl_state_name(m.state));
+                return STAGE_REFUSED;
+            }
+            if (still)
                 r = grbl_soft_reset(s, &m, e);
-            else {
+            else if (m.state == GRBL_DOOR) { /* it may still be slowing down */
+                int known = s->position_known;
+                r = grbl_halt(s, e);
+                s->position_known = s->position_known && known;
+                if (r == STAGE_OK) r = grbl_soft_reset(s, &m, e);
+            } else {
                 if (s->note) s->note("stage: found it moving; stopping it first");
                 if ((r = grbl_halt(s, e)) != STAGE_OK) return r;
                 r = grbl_soft_reset(s, &m, e); /* once more for the banner's text */
             }
             if (r != STAGE_OK) return r;
         }
+        if (m.kind == GRBL_BANNER && !reset_sent && !status_seen) s->restarted = 1;
         if (!m.supported) {
             err_set(e, "stage: expected GRBL 1.1 or later, found '%.60s'", m.text);
             return STAGE_REFUSED;
@@ -92,9 +123,11 @@ static stage_code grbl_connect(stage *s, errmsg *e)
         return STAGE_FAILED;
     }
     stage_code r = wake(s, e);
+    if (r == STAGE_OK) r = grbl_command(s, "$G\n", answer_s, "asking for the modes", e);
     if (r == STAGE_OK) r = grbl_command(s, "$I\n", answer_s, "asking what the controller is", e);
-    if (r == STAGE_OK) r = grbl_command(s, "$$\n", answer_s, "reading the controller's settings", e);
+    if (r == STAGE_OK) r = read_settings(s, e);
     if (r == STAGE_OK) r = grbl_query(s, &m, xy, e);
+    if (r == STAGE_OK && m.state == GRBL_DOOR) r = grbl_stuck(s, &m, "asking for the status", e);
     if (r != STAGE_OK) return r;
     if (!(s->facts.steps_per_mm[0] > 0 && s->facts.steps_per_mm[1] > 0)) {
         err_set(e, "stage: expected the settings $100 and $101 (steps/mm), found none");
@@ -102,102 +135,12 @@ static stage_code grbl_connect(stage *s, errmsg *e)
     }
     s->facts.reports_position = 1;
     set_travel(s);
-    if (m.state == GRBL_ALARMED)
+    s->locked = m.state == GRBL_ALARMED;
+    if (s->locked)
         s->position_known = 0;
     else if (!s->facts.can_home)
         s->position_known = 1; /* the controller's zero is what the user made it */
     return STAGE_OK;
-}
-
-static stage_code grbl_home(stage *s, errmsg *e)
-{
-    grbl *g = s->state;
-    grbl_message m;
-    stage_code r = g->need_reset ? grbl_soft_reset(s, &m, e) : STAGE_OK;
-    if (r == STAGE_OK && !s->facts.can_home) {
-        err_set(e, "stage: homing is switched off in the controller ($22=0)");
-        return STAGE_REFUSED;
-    }
-    s->position_known = 0;
-    if (r == STAGE_OK) r = grbl_command(s, "$H\n", s->home_timeout_s, "homing", e);
-    /* Start-up lines run again after homing and may have changed the modes. */
-    if (r == STAGE_OK) r = grbl_command(s, "G21G90G94G17G54\n", answer_s, "setting the modes", e);
-    double xy[2];
-    if (r == STAGE_OK) r = grbl_query(s, &m, xy, e);
-    if (r != STAGE_OK) return r;
-    s->position_known = 1;
-    return STAGE_OK;
-}
-
-/* The ok of the dwell; the deadline moves on while the stage does. */
-static stage_code barrier(stage *s, double settle_s, double expected_s, errmsg *e)
-{
-    grbl_message m;
-    char line[GRBL_LINE_MAX + 2];
-    double now = now_s(), deadline = now + expected_s * 2 + answer_s + settle_s, ask = now + poll_s, xy[2],
-           before[2] = {NAN, NAN};
-    grbl_format_dwell(line, sizeof line, settle_s);
-    stage_code r = grbl_send(s, line, "moving", e);
-    while (r == STAGE_OK) {
-        r = grbl_take(s, &m, WANT_ANSWER | WANT_STATUS, fmin(ask, deadline), "moving", e);
-        now = now_s();
-        if (r == STAGE_OK && m.kind == GRBL_OK) return STAGE_OK;
-        if (r == STAGE_OK && m.state == GRBL_ALARMED) {
-            err_set(e, "stage: in alarm while moving");
-            r = STAGE_REFUSED;
-        } else if (r == STAGE_OK && grbl_machine_position(s, xy, &m)) {
-            if (xy[0] != before[0] || xy[1] != before[1])
-                deadline = fmax(deadline, now + answer_s + settle_s);
-            memcpy(before, xy, sizeof before);
-        } else if (r == STAGE_SILENT && now < deadline) {
-            ask = now + poll_s;
-            r = grbl_realtime(s, GRBL_STATUS_QUERY, e);
-        }
-    }
-    return r;
-}
-
-/* Idle and within half a step of the target, reported to so many decimals; given time for a late stop. */
-static stage_code confirm(stage *s, const double target[2], errmsg *e)
-{
-    grbl *g = s->state;
-    grbl_message m;
-    double until = now_s() + answer_s, xy[2];
-    double digit = g->inches ? 0.5e-4 * 25.4 : 0.5e-3;
-    for (int still = 0; still < 3 && now_s() < until;) {
-        stage_code r = grbl_query(s, &m, xy, e);
-        if (r != STAGE_OK) return r;
-        int there = 1;
-        for (int a = 0; a < 2; a++)
-            there = there && fabs(xy[a] - target[a]) <= 0.5 / s->facts.steps_per_mm[a] + 1.02 * digit;
-        if (m.state == GRBL_IDLE && there) return STAGE_OK;
-        if (m.state == GRBL_ALARMED) break;
-        still = m.state == GRBL_IDLE ? still + 1 : 0;
-        struct timespec pause = {.tv_nsec = 200000000};
-        nanosleep(&pause, NULL);
-    }
-    err_set(e, "stage: expected it to stand at %.3f %.3f mm, found it %s at %.3f %.3f", target[0], target[1],
-            grbl_state_name(m.state), g->last[0], g->last[1]);
-    return STAGE_REFUSED;
-}
-
-static stage_code grbl_go(stage *s, const double (*path)[2], int n, double feed, double settle_s, errmsg *e)
-{
-    grbl *g = s->state;
-    double seconds = 0, from[2] = {g->last[0], g->last[1]};
-    for (int k = 0; k < n; k++) {
-        char line[GRBL_LINE_MAX + 2];
-        grbl_format_move(line, sizeof line, path[k], feed);
-        stage_code r = grbl_command(s, line, answer_s, "sending a move", e);
-        if (r != STAGE_OK) return r;
-        for (int a = 0; a < 2; a++) {
-            double limit = s->facts.max_feed[a] > 0 ? fmin(feed, s->facts.max_feed[a]) : feed;
-            seconds += fabs(path[k][a] - from[a]) / limit * 60;
-            from[a] = path[k][a];
-        }
-    }
-    stage_code r = barrier(s, settle_s, seconds, e);
-    return r == STAGE_OK ? confirm(s, path[n - 1], e) : r;
 }
 
 static stage_code grbl_where(stage *s, double xy[2], char state[32], errmsg *e)
@@ -237,4 +180,6 @@ const stage_driver stage_driver_grbl = {.name = "grbl",
                                         .check = grbl_check,
                                         .halt = grbl_halt,
                                         .assume = grbl_assume,
+                                        .unlock = grbl_unlock,
+                                        .find_switches = grbl_find_switches,
                                         .release = grbl_release};

@@ -17,7 +17,7 @@ static const char *const errors[] = {
     [6] = "step pulse time is below 3 us",
     [7] = "settings could not be read from EEPROM and were reset to defaults",
     [8] = "this $ command needs the stage to be idle",
-    [9] = "locked: the stage is in alarm or jogging (home it first)",
+    [9] = "locked: the stage is in alarm or jogging (home it, or 'stagectl unlock')",
     [10] = "soft limits need homing to be switched on",
     [11] = "the line is too long",
     [12] = "the step rate of this setting is too high",
@@ -87,6 +87,27 @@ const char *grbl_state_name(grbl_state s)
     return "unknown";
 }
 
+const char *grbl_state_words(grbl_state s)
+{
+    switch (s) {
+    case GRBL_HOLDING:
+    case GRBL_HELD:
+        return "somebody pressed feed hold; the next stagectl resets it, and its position is kept";
+    case GRBL_DOOR:
+        return "the safety door is open, or its input says so; close it";
+    case GRBL_SLEEP:
+        return "it was sent to sleep ($SLP) with its motors off; the next stagectl wakes it, then home it";
+    case GRBL_CHECK:
+        return "check mode ($C) moves nothing; the next stagectl ends it";
+    case GRBL_TOOL:
+        return "it waits for a change of tools";
+    case GRBL_ALARMED:
+        return "home it, or 'stagectl unlock' if it stands where it says";
+    default:
+        return NULL;
+    }
+}
+
 /* Whole number to the end of the text, or -1. */
 static int number_at(const char *s)
 {
@@ -122,7 +143,8 @@ static int parse_status(grbl_message *m, const char *line)
     for (size_t i = 0; i < sizeof states / sizeof *states; i++)
         if (strlen(states[i].name) == name && !strncmp(buf, states[i].name, name)) m->state = states[i].state;
     if (m->state == GRBL_OTHER) return 0;
-    if (m->state == GRBL_HOLDING && !strncmp(buf + name, ":0", 2)) m->state = GRBL_HELD;
+    m->sub = buf[name] == ':' ? atoi(buf + name + 1) : -1;
+    if (m->state == GRBL_HOLDING && m->sub == 0) m->state = GRBL_HELD;
     for (char *f = strchr(buf, '|'); f; f = strchr(f + 1, '|')) {
         if (!strncmp(f, "|MPos:", 6) || !strncmp(f, "|WPos:", 6)) {
             m->is_work = f[1] == 'W';
@@ -131,6 +153,8 @@ static int parse_status(grbl_message *m, const char *line)
         } else if (!strncmp(f, "|WCO:", 5)) {
             if (numbers_at(m->offset, f + 5) == 0) return 0;
             m->has_offset = 1;
+        } else if (!strncmp(f, "|Pn:", 4)) {
+            for (const char *p = f + 4; *p && *p != '|'; p++) m->limits |= *p == 'X' ? 1 : *p == 'Y' ? 2 : 0;
         }
     }
     return m->axes >= 2;
@@ -166,7 +190,9 @@ void grbl_parse(grbl_message *m, const char *line)
     } else if (line[0] == '<') {
         if (parse_status(m, line)) m->kind = GRBL_STATUS;
     } else if (line[0] == '[') {
-        m->kind = GRBL_FEEDBACK;
+        m->kind = !strncmp(line, "[GC:", 4)                  ? GRBL_MODES
+                  : !strncmp(line, "[MSG:Reset to cont", 18) ? GRBL_RESETTABLE
+                                                            : GRBL_FEEDBACK;
     } else if (line[0] == '>') {
         m->kind = GRBL_ECHO;
     } else if (line[0] == '$') {

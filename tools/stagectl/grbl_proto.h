@@ -23,6 +23,8 @@ typedef enum grbl_kind {
     GRBL_BANNER,   /* text: name and version; supported says whether it is 1.1 or later */
     GRBL_SETTING,  /* $number=value */
     GRBL_FEEDBACK, /* [...] */
+    GRBL_MODES,    /* [GC:...], what $G says: all lines before it have been worked off */
+    GRBL_RESETTABLE, /* [MSG:Reset to continue]: from now on a critical alarm takes a reset */
     GRBL_ECHO,     /* >G21:ok, a start-up line that was run */
     GRBL_NOISE     /* none of these */
 } grbl_kind;
@@ -48,6 +50,8 @@ typedef struct grbl_message {
     double value;                             /* setting */
     int supported;                            /* banner */
     grbl_state state;                         /* status; GRBL_HELD = hold complete */
+    int sub;                                  /* status: Door:2 gives 2; -1 = none */
+    int limits;                               /* status: bits of the limit switches that are pressed (Pn:XY) */
     int axes;                                 /* status: axes in pos */
     int is_work;                              /* status: pos is the work position, not the machine's */
     double pos[GRBL_AXES], offset[GRBL_AXES]; /* as reported: mm, or inches with $13=1 */
@@ -62,6 +66,9 @@ void grbl_parse(grbl_message *m, const char *line);
 const char *grbl_error_words(int number);
 const char *grbl_alarm_words(int number);
 const char *grbl_state_name(grbl_state s);
+
+/* What a state in which no line is worked off means and what helps; NULL: an ordinary one. */
+const char *grbl_state_words(grbl_state s);
 
 /* Command lines, with '\n'; size_t room >= GRBL_LINE_MAX + 2.  Return the length. */
 size_t grbl_format_move(char *out, size_t room, const double xy_mm[2], double feed_mm_min);

@@ -111,6 +111,12 @@ static int replay(journal *j, const char *w)
         p->arrived[1] = j->last[1] = y;
         return 0;
     }
+    if (sscanf(w, "stopped %lf %lf%n", &x, &y, &at) == 2 && !w[at] && isfinite(x) && isfinite(y)) {
+        j->has_last = 1;
+        j->last[0] = x;
+        j->last[1] = y;
+        return 0;
+    }
     if (sscanf(w, "shot %d %d %d %" SCNd64 " %" SCNd64 " %64s %lf %lf %39s", &i, &jj, &k, &t.size,
                &t.mtime_ns, t.digest, &t.clip, &t.black, t.temp) == 9 &&
         t.size >= 0 && isfinite(t.clip) && isfinite(t.black) && !strchr(t.temp, '/')) /* in the folder itself */
@@ -348,6 +354,13 @@ int journal_arrived(journal *j, int i, int jj, const double xy[2], errmsg *e)
     memcpy(j->last, xy, sizeof j->last);
     p->has_arrived = j->has_last = 1;
     return journal_append(j, e, "arrived %d %d %.6f %.6f", i, jj, xy[0], xy[1]);
+}
+
+int journal_stopped(journal *j, const double xy[2], errmsg *e)
+{
+    memcpy(j->last, xy, sizeof j->last);
+    j->has_last = 1;
+    return journal_append(j, e, "stopped %.6f %.6f", xy[0], xy[1]);
 }
 
 int journal_done(journal *j, int i, int jj, errmsg *e)

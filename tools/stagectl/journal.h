@@ -12,6 +12,7 @@
  *   run SECONDS                   a run begins (Unix time)
  *   begin I J                     a place begins
  *   arrived I J X Y               it stands there: measured machine position, mm
+ *   stopped X Y                   a run that ended early left the stage standing there, mm
  *   says I J K SECONDS F ISO      what the picture of the shot that follows states of itself; 0 = nothing
  *   beside I J K SIZE MTIME DIGEST TEMP NAME
  *                                 a file that came with the shot that follows (raw beside JPEG)
@@ -88,7 +89,7 @@ journal_place *journal_at(journal *j, int i, int jj);
 long journal_shots(const journal *j);                 /* exposures on record and not struck off */
 int journal_dropped(const journal *j);                /* 1: a torn last line was dropped */
 const double *journal_steps(const journal *j);        /* steps/mm; NULL = not on record yet */
-const double *journal_last_arrived(const journal *j); /* NULL = never */
+const double *journal_last_arrived(const journal *j); /* or stopped at; NULL = never */
 
 /* Append.  They keep what journal_at gives in step.  A record survives the end of this process at once, and a
  * power cut from the next journal_sync on, which also makes everything durable that was written to the folder
@@ -98,6 +99,7 @@ int journal_run(journal *j, errmsg *e);
 int journal_set_steps(journal *j, const double steps[2], errmsg *e);
 int journal_begin(journal *j, int i, int jj, errmsg *e);
 int journal_arrived(journal *j, int i, int jj, const double xy[2], errmsg *e);
+int journal_stopped(journal *j, const double xy[2], errmsg *e);
 /* Takes shot->beside over, whatever comes of it. */
 int journal_shot_taken(journal *j, int i, int jj, int k, const journal_shot *shot, const char *name,
                        errmsg *e);

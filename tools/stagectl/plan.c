@@ -108,7 +108,7 @@ int plan_check_travel(const session *s, const double lo[2], const double hi[2], 
 typedef struct sum {
     plan_totals *t;
     const session *s;
-    double acceleration;
+    plan_limits limits;
 } sum;
 
 static int add(void *arg, const place *p, const double *from, const double to[2], int last, errmsg *e)
@@ -119,7 +119,17 @@ static int add(void *arg, const place *p, const double *from, const double to[2]
     (void)p, (void)last, (void)e;
     t->moves++;
     t->distance_mm += mm;
-    t->move_s += plan_move_seconds(mm, u->s->feed, u->acceleration);
+    /* along a slanted move the axis that first comes to its limit decides */
+    double feed = u->s->feed, acceleration = 0;
+    for (int a = 0; a < 2; a++) {
+        double share = from && mm > 0 ? fabs(to[a] - from[a]) / mm : 0;
+        if (!(share > 0)) continue;
+        if (u->limits.max_feed[a] > 0) feed = fmin(feed, u->limits.max_feed[a] / share);
+        if (!(u->limits.acceleration[a] > 0)) continue;
+        double most = u->limits.acceleration[a] / share;
+        acceleration = acceleration > 0 ? fmin(acceleration, most) : most;
+    }
+    t->move_s += plan_move_seconds(mm, feed, u->s->acceleration > 0 ? u->s->acceleration : acceleration);
     for (int a = 0; a < 2; a++) {
         t->lo[a] = fmin(t->lo[a], to[a]);
         t->hi[a] = fmax(t->hi[a], to[a]);
@@ -127,10 +137,10 @@ static int add(void *arg, const place *p, const double *from, const double to[2]
     return 0;
 }
 
-void plan_sum(plan_totals *t, const session *s, double acceleration)
+void plan_sum(plan_totals *t, const session *s, const plan_limits *of_stage)
 {
     double series = 0;
-    sum u = {t, s, acceleration};
+    sum u = {t, s, *of_stage};
     memset(t, 0, sizeof *t);
     for (int a = 0; a < 2; a++) {
         t->lo[a] = INFINITY;

@@ -37,8 +37,14 @@ typedef struct plan_totals {
     double lo[2], hi[2]; /* what the moves span, mm */
 } plan_totals;
 
-/* acceleration 0: moves at feed throughout.  Straight moves from rest to rest. */
-void plan_sum(plan_totals *t, const session *s, double acceleration);
+/* What a stage can do along each machine axis; 0 = unknown: no limit, and no time for speeding up. */
+typedef struct plan_limits {
+    double max_feed[2];     /* mm/min */
+    double acceleration[2]; /* mm/s2 */
+} plan_limits;
+
+/* Straight moves from rest to rest.  The session's own acceleration, where given, wins. */
+void plan_sum(plan_totals *t, const session *s, const plan_limits *of_stage);
 
 /* Time of one straight move from rest to rest:
  *

@@ -125,6 +125,7 @@ static int check(const session *s, errmsg *e)
     if (!stage_driver_by_name(s->driver))
         return err_set(e, "[stage] driver: expected grbl or c4, found '%s'", s->driver);
     if (!s->folder[0]) return err_set(e, "[output] folder: expected a name");
+    if (stage_homing_check(s->homing, e) != 0) return -1;
     for (int a = 0; a < 2; a++)
         if ((s->travel[2 * a] != 0 || s->travel[2 * a + 1] != 0) &&
             !(s->travel[2 * a] < s->travel[2 * a + 1]))
@@ -180,7 +181,7 @@ void session_free(session *s)
     char **texts[] = {&s->driver,      &s->port,           &s->axes,   &s->command,     &s->labels,
                       &s->error_text,  &s->exposures_text, &s->folder, &s->file,        &s->times,
                       &s->before,      &s->beside,         &s->hdrgen, &s->fishremap,   &s->ilfpack,
-                      &s->light_field, &s->depends,        &s->lens,   &s->home_folder, &s->expect_text};
+                      &s->light_field, &s->depends,        &s->lens,   &s->home_folder, &s->expect_text, &s->homing};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         free(*texts[i]);
         *texts[i] = NULL;

@@ -34,7 +34,10 @@ typedef struct session {
     int home;               /* 1: home first; 0: the stage's zero is right */
     double travel[4];       /* x lo, x hi, y lo, y hi in mm; all 0 = what the controller says */
     double steps_per_mm[2]; /* 0 = what the controller says */
-    double home_timeout;    /* s */
+    double home_timeout;    /* s; 0 = as the controller's settings say */
+    char *homing;           /* commands that home it */
+    int check_home;         /* home and compare every so many places; 0 = only at the start */
+    int baud, dtr;          /* 0 = the driver's; 1 = as opened */
     double acceleration;    /* mm/s2, for the plan's times; 0 = not known */
     /* [camera] */
     char *command;

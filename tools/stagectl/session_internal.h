@@ -13,6 +13,7 @@ typedef enum key_kind {
     KEY_WHOLE,
     KEY_SIZE,
     KEY_YES_NO,
+    KEY_ON_OFF,
     KEY_ORDER,
     KEY_CHECK,
     KEY_TIMES,

@@ -28,7 +28,11 @@ const session_key session_keys[] = {
     {"stage", "home", KEY_YES_NO, AT(home), 0, 0, "yes", 1, "home before the first move; no = the stage's zero is taken as it is"},
     {"stage", "travel", KEY_NUMBERS4, AT(travel), -1e6, 1e6, "0 0 0 0", 0, "x lowest, x highest, y lowest, y highest machine position, mm; 0 0 0 0 = as the controller says"},
     {"stage", "steps_per_mm", KEY_NUMBERS2, AT(steps_per_mm), 0, 1e6, "0 0", 1, "steps per mm of x and y where the controller can't say (c4); 0 0 = as the controller says"},
-    {"stage", "home_timeout", KEY_NUMBER, AT(home_timeout), 1, 3600, "120", 0, "longest time that homing may take, s"},
+    {"stage", "home_timeout", KEY_NUMBER, AT(home_timeout), 0, 36000, "0", 0, "longest time that homing may take, s; 0 = what the controller's settings say that it can take"},
+    {"stage", "homing", KEY_TEXT, AT(homing), 0, 0, "$H", 0, "commands that home it, for firmware that homes single axes: $HX $HY"},
+    {"stage", "check_home", KEY_WHOLE, AT(check_home), 0, 1e6, "0", 0, "every so many places look where the homing switches are, home, and say what has drifted; 0 = never"},
+    {"stage", "baud", KEY_WHOLE, AT(baud), 0, 4e6, "0", 0, "speed of the serial line; 0 = the driver's"},
+    {"stage", "dtr", KEY_ON_OFF, AT(dtr), 0, 0, "on", 0, "off: drop DTR and RTS once the port is open, for boards that these lines hold in reset"},
     {"stage", "acceleration", KEY_NUMBER, AT(acceleration), 0, 1e6, "0", 0, "for the plan's times, mm/s2; 0 = as the controller says"},
     {"camera", "command", KEY_TEXT, AT(command), 0, 0, NULL, 1, "run for each exposure; {file} {stem} {seconds} {label} {i} {j} {k} {x} {y} {ax} {ay} {mx} {my} {plane} {lens} {fov}"},
     {"camera", "depends", KEY_TEXT, AT(depends), 0, 0, "auto", 0, "files that decide what it sees, relative to the session file: when one changes, the capture is refused; auto = octree, falloff and response of a virtualcamera; none"},
@@ -93,7 +97,8 @@ static int take_choice(int *v, const char *value, const char *const *names, errm
     return err_set(e, "expected %s or %s, found '%s'", names[0], names[1], value);
 }
 
-static const char *const no_yes[] = {"no", "yes", NULL}, *const orders[] = {"serpentine", "raster", NULL},
+static const char *const no_yes[] = {"no", "yes", NULL}, *const off_on[] = {"off", "on", NULL},
+                         *const orders[] = {"serpentine", "raster", NULL},
                          *const checks[] = {"decode", "size", NULL},
                          *const sources[] = {"asked", "exif", NULL},
                          *const actions[] = {"stop", "skip", NULL};
@@ -151,6 +156,8 @@ int session_take(session *s, const session_key *k, const char *value, errmsg *e)
     }
     case KEY_YES_NO:
         return take_choice(at, value, no_yes, e);
+    case KEY_ON_OFF:
+        return take_choice(at, value, off_on, e);
     case KEY_ORDER:
         return take_choice(at, value, orders, e);
     case KEY_CHECK:
@@ -187,6 +194,9 @@ void session_value(char *out, size_t room, const session *s, const session_key *
         return;
     case KEY_YES_NO:
         snprintf(out, room, "%s", no_yes[*(const int *)at]);
+        return;
+    case KEY_ON_OFF:
+        snprintf(out, room, "%s", off_on[*(const int *)at]);
         return;
     case KEY_ORDER:
         snprintf(out, room, "%s", orders[*(const int *)at]);

@@ -17,11 +17,12 @@
 #include "stagectl_show.h"
 
 static struct {
-    const char *port, *driver;
+    const char *port, *driver, *homing, *dtr;
+    int baud;
     double feed, settle, home_timeout;
     double steps_per_mm[2], from[2];
     int dry_run, assume_position, have_from, anew, keep_trying;
-} o = {.feed = 1500, .settle = 0.1, .home_timeout = 120};
+} o = {.feed = 1500, .settle = 0.1, .homing = "$H"};
 
 static int take_pair(const char *value, void *arg, errmsg *e)
 {
@@ -30,13 +31,16 @@ static int take_pair(const char *value, void *arg, errmsg *e)
 }
 
 static const cli_opt opts[] = {
-    {"port", 0, CLI_STRING, &o.port, NULL, "DEV", "serial port of the stage; wins over the session's"},
+    {"port", 0, CLI_STRING, &o.port, NULL, "DEV", "serial port of the stage, or tcp:HOST:PORT; wins over the session's"},
     {"driver", 0, CLI_STRING, &o.driver, NULL, "NAME",
      "grbl (default): GRBL 1.1 and grblHAL; c4: Arrick MD-2 through its C4\n"
      "controller, inferred and unverified on hardware.  Sessions name their own"},
     {"feed", 0, CLI_DOUBLE, &o.feed, NULL, "F", "move: speed, mm/min (1500)"},
     {"settle", 0, CLI_DOUBLE, &o.settle, NULL, "S", "move: rest at the end, s (0.1)"},
-    {"home-timeout", 0, CLI_DOUBLE, &o.home_timeout, NULL, "S", "home: longest time, s (120)"},
+    {"home-timeout", 0, CLI_DOUBLE, &o.home_timeout, NULL, "S", "home: longest time, s (0: what the controller's settings say)"},
+    {"homing", 0, CLI_STRING, &o.homing, NULL, "WORDS", "home: the commands, for firmware that homes single axes: '$HX $HY' ($H)"},
+    {"baud", 0, CLI_INT, &o.baud, NULL, "N", "speed of the serial line (115200; c4 9600)"},
+    {"dtr", 0, CLI_STRING, &o.dtr, NULL, "off", "drop DTR and RTS once the port is open (on)"},
     {"steps-per-mm", 0, CLI_CALL, o.steps_per_mm, take_pair, "X,Y", "c4: steps per mm (7.874016 direct)"},
     {"from", 0, CLI_CALL, o.from, take_pair, "X,Y", "move: the stage stands there (for c4, which can't say)"},
     {"assume-position", 0, CLI_FLAG, &o.assume_position, NULL, NULL,
@@ -56,7 +60,8 @@ static const cli_prog prog = {
     .epilog = "Commands:\n"
               "  home, move X Y        the stage; positions are machine mm\n"
               "  where, status         where it stands; what it is\n"
-              "  plan SESSION          moves, times, space, travel; no hardware\n"
+              "  unlock                out of an alarm without homing: it stands where it says\n"
+              "  plan SESSION          moves, times, space, travel; asks the controller if it is there\n"
               "  capture SESSION       take what is not taken yet (resume SESSION: the same)\n"
               "  verify SESSION        compare all files with the journal\n"
               "  keys                  what may stand in a session file, with defaults\n"
@@ -86,10 +91,10 @@ static int exit_code(stage_code c)
 static _Noreturn void end_stage(stage *s, stage_code c, const errmsg *e)
 {
     errmsg why;
-    if (c == STAGE_INTERRUPTED) {
-        signals_acknowledge();
-        if (s->port && s->driver->halt(s, &why) != STAGE_OK) cli_warn("%s", why.text);
-    }
+    if (c == STAGE_INTERRUPTED) signals_acknowledge();
+    /* whatever ended it, it does not go on moving */
+    if (s->port && c != STAGE_GONE && (s->under_way || c == STAGE_INTERRUPTED) && s->driver->halt(s, &why) != STAGE_OK)
+        cli_warn("%s", why.text);
     stage_close(s);
     cli_fail(exit_code(c), "%s", e->text);
 }
@@ -106,6 +111,13 @@ static void open_stage(stage *s)
     if (!d) cli_fail(CLI_USAGE, "--driver: expected grbl or c4, found '%s'", o.driver);
     if (!o.port) cli_fail(CLI_USAGE, "expected --port DEV: ports that you don't name are not touched");
     s->home_timeout_s = o.home_timeout;
+    s->homing = o.homing;
+    if (stage_homing_check(o.homing, &e) != 0) cli_fail(CLI_USAGE, "--%s", e.text);
+    if (o.dtr && strcmp(o.dtr, "on") != 0 && strcmp(o.dtr, "off") != 0)
+        cli_fail(CLI_USAGE, "--dtr: expected on or off, found '%s'", o.dtr);
+    if (o.baud < 0) cli_fail(CLI_USAGE, "--baud: expected a speed above 0, found %d", o.baud);
+    s->dtr_off = o.dtr && !strcmp(o.dtr, "off");
+    s->baud = o.baud;
     memcpy(s->stated_steps_per_mm, o.steps_per_mm, sizeof s->stated_steps_per_mm);
     stage_code c = stage_open(s, d, o.port, &e);
     if (c != STAGE_OK) end_stage(s, c, &e);
@@ -148,12 +160,14 @@ static int do_move(const char *x, const char *y)
     open_stage(&s);
     for (int a = 0; a < 2; a++)
         if (s.facts.has_travel && !(to[a] >= s.facts.lo[a] && to[a] <= s.facts.hi[a])) {
-            err_set(&e, "move: expected %c from %g to %g mm, found %g", "xy"[a], s.facts.lo[a], s.facts.hi[a],
-                    to[a]);
+            err_set(&e, "move: expected %c from %g to %g mm%s, found %g", "xy"[a], s.facts.lo[a], s.facts.hi[a],
+                    s.facts.margin_mm > 0 ? " (the switch is an alarm: $21, $27)" : "", to[a]);
             end_stage(&s, STAGE_FAILED, &e);
         }
     if (!s.position_known) {
-        err_set(&e, "stage: its position is not known, home it first");
+        err_set(&e, s.locked ? s.facts.can_home ? "stage: in alarm: home it first, or 'stagectl unlock' if it stands where it says"
+                                                : "stage: in alarm, and homing is switched off ($22=0): 'stagectl unlock' is the way out"
+                             : "stage: its position is not known, home it first");
         end_stage(&s, STAGE_REFUSED, &e);
     }
     const double path[1][2] = {{to[0], to[1]}};
@@ -168,6 +182,7 @@ static int do_move(const char *x, const char *y)
 static int do_status(int where_only)
 {
     errmsg e;
+    char words[256];
     double xy[2];
     char state[32];
     stage s = {.note = note};
@@ -179,12 +194,46 @@ static int do_status(int where_only)
     } else {
         const stage_facts *f = &s.facts;
         printf("controller  %s\nstate       %s\nposition    %.3f %.3f mm%s\n", f->ident, state, xy[0], xy[1],
-               s.position_known ? "" : " (not to be trusted: home it)");
+               s.position_known ? ""
+               : !f->can_home   ? " (not to be trusted: unlock it when it stands there)"
+                                : " (not to be trusted: home it)");
         printf("steps/mm    %g %g\nhoming      %s\n", f->steps_per_mm[0], f->steps_per_mm[1],
                f->can_home ? "yes" : "no");
         if (f->has_travel)
-            printf("travel      x %g to %g, y %g to %g mm\n", f->lo[0], f->hi[0], f->lo[1], f->hi[1]);
+            printf("travel      x %g to %g, y %g to %g mm%s\n", f->lo[0], f->hi[0], f->lo[1], f->hi[1],
+                   f->margin_mm > 0 ? " (without $27 at the switches: $21=1)" : "");
+        if (f->motors_rest_ms >= 0) printf("motors      %s\n", f->motors_rest_ms == 255 ? "stay on" : "without current while the stage stands");
+        if (motors_words(words, sizeof words, f)) cli_warn("%s", words);
     }
+    stage_close(&s);
+    return CLI_OK;
+}
+
+/* Out of an alarm on the user's word. */
+static int do_unlock(void)
+{
+    errmsg e;
+    double xy[2];
+    char state[32];
+    stage s = {.note = note};
+    if (o.dry_run) {
+        printf("would unlock the stage on %s\n", o.port ? o.port : "the port");
+        return CLI_OK;
+    }
+    open_stage(&s);
+    if (!s.driver->unlock) {
+        err_set(&e, "unlock: the %s driver knows no alarms", s.driver->name);
+        end_stage(&s, STAGE_FAILED, &e);
+    }
+    int was = s.locked;
+    stage_code c = s.driver->unlock(&s, &e);
+    if (c == STAGE_OK) c = s.driver->where(&s, xy, state, &e);
+    if (c != STAGE_OK) end_stage(&s, c, &e);
+    if (was)
+        cli_warn("its position is taken on your word: an alarm in motion loses steps");
+    else
+        cli_note("it was not locked");
+    printf("%.3f %.3f\n", xy[0], xy[1]);
     stage_close(&s);
     return CLI_OK;
 }
@@ -259,6 +308,8 @@ static int do_capture(const char *path)
                      .port = o.port ? o.port : s.port,
                      .assume_position = o.assume_position,
                      .keep_trying = o.keep_trying,
+                     .baud = o.baud,
+                     .dtr_off = o.dtr && !strcmp(o.dtr, "off"),
                      .say = warn,
                      .progress = progress};
     if (o.driver && strcmp(o.driver, s.driver) != 0)
@@ -277,8 +328,9 @@ static int do_capture(const char *path)
     if (adopted < 0) cli_fail(CLI_FAILED, "%s", e.text);
     if (adopted)
         cli_warn("%s/journal: what the camera saw is not on record for the exposures on disk; taken to be what it sees now", s.folder);
+    const plan_limits none = {{0}, {0}};
     plan_totals t;
-    plan_sum(&t, &s, s.acceleration);
+    plan_sum(&t, &s, &none);
     double room = free_bytes(s.folder), more = (double)(t.exposures - journal_shots(j)) * s.file_mb * 1e6;
     if (room >= 0 && room < more)
         cli_warn("%s: %.1f MB free, the rest may need %.1f MB", s.folder, room / 1e6, more / 1e6);
@@ -337,8 +389,10 @@ int main(int argc, char **argv)
         code = do_status(1);
     else if (!strcmp(what, "status") && n == 1)
         code = do_status(0);
+    else if (!strcmp(what, "unlock") && n == 1)
+        code = do_unlock();
     else if (!strcmp(what, "plan") && n == 2)
-        code = show_plan(argv[2]);
+        code = show_plan(argv[2], o.port);
     else if ((!strcmp(what, "capture") || !strcmp(what, "resume")) && n == 2)
         code = do_capture(argv[2]);
     else if (!strcmp(what, "verify") && n == 2)
@@ -352,7 +406,7 @@ int main(int argc, char **argv)
     else if (!strcmp(what, "keys") && n == 1)
         code = show_keys();
     if (code < 0 && n == 0)
-        cli_fail(CLI_USAGE, "expected a command: home, move, where, status, plan, capture, verify, keys");
+        cli_fail(CLI_USAGE, "expected a command: home, move, where, status, unlock, plan, capture, verify, keys");
     if (code < 0)
         cli_fail(CLI_USAGE, "expected a command with its arguments, found '%s' with %d", what, n - 1);
     return cli_end(code);

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/statvfs.h>
+#include <unistd.h>
 
 #include "camerawords.h"
 #include "chaincheck.h"
@@ -12,6 +13,7 @@
 #include "depends.h"
 #include "names.h"
 #include "plan.h"
+#include "stage.h"
 
 void load_session(session *s, const char *path)
 {
@@ -39,13 +41,47 @@ double free_bytes(const char *folder)
     return (double)v.f_bavail * (double)v.f_frsize;
 }
 
-int show_plan(const char *path)
+/* What a controller that is there says of itself; it is not reset, nor disturbed when it is at work.  No port,
+ * or nobody there: 0 with words. */
+static int ask_controller(stage_facts *f, const session *s, const char *device, errmsg *e)
+{
+    stage st = {.home_timeout_s = s->home_timeout, .baud = s->baud, .dtr_off = !s->dtr, .look_only = 1};
+    memcpy(st.stated_steps_per_mm, s->steps_per_mm, sizeof st.stated_steps_per_mm);
+    if (!device || !device[0] || (strncmp(device, "tcp:", 4) != 0 && access(device, F_OK) != 0)) {
+        err_set(e, "%s", device && device[0] ? "not there" : "no port given");
+        return 0;
+    }
+    if (stage_open(&st, stage_driver_by_name(s->driver), device, e) != STAGE_OK) return 0;
+    *f = st.facts;
+    stage_close(&st);
+    return 1;
+}
+
+static void print_travel(const session *s, const stage_facts *f, const char *path)
+{
+    const double lo[2] = {s->travel[0], s->travel[2]}, hi[2] = {s->travel[1], s->travel[3]};
+    int stated = lo[0] < hi[0] || lo[1] < hi[1];
+    errmsg e;
+    if (f->has_travel && plan_check_travel(s, f->lo, f->hi, &e) != 0)
+        cli_fail(CLI_FAILED, "%s: %s%s", path, e.text, f->margin_mm > 0 ? " ($27 off the switch: with $21=1 it is an alarm)" : "");
+    if (stated && plan_check_travel(s, lo, hi, &e) != 0) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
+    printf("travel      %s\n", stated || f->has_travel ? "all points inside" : "not checked: [stage] travel is not given");
+}
+
+int show_plan(const char *path, const char *device)
 {
     session s;
     plan_totals t;
+    plan_limits limits = {{0}, {0}};
+    stage_facts f = {.motors_rest_ms = -1};
     errmsg e;
     load_session(&s, path);
-    plan_sum(&t, &s, s.acceleration);
+    int there = ask_controller(&f, &s, device && device[0] ? device : s.port, &e);
+    if (there) {
+        memcpy(limits.max_feed, f.max_feed, sizeof limits.max_feed);
+        memcpy(limits.acceleration, f.acceleration, sizeof limits.acceleration);
+    }
+    plan_sum(&t, &s, &limits);
     printf("places      %ld (%d x %d)\nexposures   %ld (%d a place, %g to %g s%s)\n", t.places, s.nodes[0],
            s.nodes[1], t.exposures, s.exposures, s.exposure[0], s.exposure[s.exposures - 1],
            s.adaptive ? "; auto: at most" : "");
@@ -59,13 +95,14 @@ int show_plan(const char *path)
     printf("disk        %.1f MB", t.bytes / 1e6);
     if (room >= 0) printf(" of %.1f MB free%s", room / 1e6, room < t.bytes ? ": NOT ENOUGH" : "");
     printf("\n");
-    const double lo[2] = {s.travel[0], s.travel[2]}, hi[2] = {s.travel[1], s.travel[3]};
-    if (!(lo[0] < hi[0] || lo[1] < hi[1]))
-        printf("travel      not checked: [stage] travel is not given\n");
-    else if (plan_check_travel(&s, lo, hi, &e) != 0)
-        cli_fail(CLI_FAILED, "%s: %s", path, e.text);
-    else
-        printf("travel      all points inside\n");
+    if (there) {
+        printf("controller  %s: at most %g and %g mm/min, %g and %g mm/s2\n", f.ident, f.max_feed[0], f.max_feed[1],
+               f.acceleration[0], f.acceleration[1]);
+        char motors[300];
+        if (motors_words(motors, sizeof motors, &f)) cli_warn("%s", motors);
+    } else
+        printf("controller  not asked: %s\n", e.text);
+    print_travel(&s, &f, path);
     char words[256];
     if (chain_check(words, &s, &e) != 0) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
     printf("chain       %s\n", words);

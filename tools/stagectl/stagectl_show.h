@@ -8,7 +8,7 @@
 #include "session.h"
 
 /* Exit code CLI_OK, or they end the program. */
-int show_plan(const char *path);
+int show_plan(const char *path, const char *device); /* its port; "" or NULL = the session's */
 int show_get(const char *path, const char *what);
 int show_list(const char *path);
 int show_seen(const char *path);

@@ -43,7 +43,7 @@ static void banner(vgrbl *g)
     g->inch_mode = g->relative = g->motion = 0;
     g->ask_feed = 0;
     g->rx_n = 0;
-    g->critical = 0;
+    g->critical = g->door = 0;
     if (g->state == V_ALARM)
         vgrbl_say(g, "[MSG:'$H'|'$X' to unlock]\r\n");
     else {
@@ -77,11 +77,14 @@ void vgrbl_alarm(vgrbl *g, int number, int critical)
     g->state = V_ALARM;
     g->critical = critical;
     vgrbl_say(g, "ALARM:%d\r\n", number);
-    if (critical) vgrbl_say(g, "[MSG:Reset to continue]\r\n");
+    /* GRBL stands still for half a second after an alarm, and clears what asked for a reset meanwhile */
+    if (critical) g->deaf_until = g->now + 0.5;
 }
 
 static void reset(vgrbl *g)
 {
+    if (g->deaf_until > 0) return;
+    if (g->state == V_SLEEP) g->state = V_ALARM;
     int pending = g->waiting != 0, homing = g->state == V_HOME,
         moving = g->state == V_RUN || g->state == V_HOLD;
     if (homing || (moving && g->moving))
@@ -132,7 +135,8 @@ static double wall_time(const vgrbl *g)
         vmove_position(xy, &g->move, mid);
         for (int a = 0; a < 2; a++) {
             double t = xy[a] + g->shift[a];
-            out |= t > 0.5 || t < -g->set.travel[a] - 0.5;
+            int low = g->set.home_direction >> a & 1; /* the homing switch itself; a buffer at the other end */
+            out |= t >= (low ? 0.5 : -1e-9) || t <= -g->set.travel[a] - (low ? -1e-9 : 0.5);
         }
         if (!pass && !out) return INFINITY;
         if (out)
@@ -167,8 +171,13 @@ static void strike(vgrbl *g)
     case FAULT_SLIP:
         g->shift[0] += 2;
         break;
-    case FAULT_ERROR9:
-    case FAULT_NONE:
+    case FAULT_HOLD:
+    case FAULT_DOOR:
+        vmove_hold(&g->move, g->now);
+        g->state = V_HOLD;
+        g->door = g->set.fault == FAULT_DOOR;
+        break;
+    default: /* those that strike when the line comes */
         break;
     }
 }
@@ -181,12 +190,20 @@ double vgrbl_next(const vgrbl *g)
     if (g->dwell_end > 0) t = fmin(t, g->dwell_end);
     if (g->state == V_HOME) t = fmin(t, g->home_end);
     if (g->fault_time > 0) t = fmin(t, g->fault_time);
+    if (g->deaf_until > 0) t = fmin(t, g->deaf_until);
     return t;
 }
 
 static void home_done(vgrbl *g)
 {
+    if (g->set.z_first && g->home_axes == 3) {
+        g->waiting = 0;
+        vgrbl_alarm(g, 9, 0);
+        banner(g);
+        return;
+    }
     for (int a = 0; a < 2; a++) {
+        if (!(g->home_axes >> a & 1)) continue;
         int negative = g->set.home_direction >> a & 1;
         g->belief[a] = negative ? -g->set.travel[a] + pull_off : -pull_off;
         g->shift[a] = 0;
@@ -201,7 +218,7 @@ static void home_done(vgrbl *g)
 static void move_done(vgrbl *g)
 {
     if (g->state == V_HOLD) {
-        g->state = V_HELD;
+        g->state = g->door ? V_DOOR : V_HELD;
         return;
     }
     memcpy(g->belief, g->move.to, sizeof g->belief);
@@ -227,7 +244,10 @@ void vgrbl_advance(vgrbl *g, double now)
 {
     for (double t; (t = vgrbl_next(g)) <= now;) {
         g->now = fmax(g->now, t);
-        if (g->fault_time > 0 && t >= g->fault_time)
+        if (g->deaf_until > 0 && t >= g->deaf_until) {
+            g->deaf_until = 0;
+            vgrbl_say(g, "[MSG:Reset to continue]\r\n");
+        } else if (g->fault_time > 0 && t >= g->fault_time)
             strike(g);
         else if (g->state == V_HOME)
             home_done(g);
@@ -259,9 +279,22 @@ void vgrbl_truth(const vgrbl *g, double xy[2], double *speed)
 
 /* ---- real-time bytes ---------------------------------------------------------------------------- */
 
+/* Homing switches that the stage stands on, as bits. */
+static int switches(const vgrbl *g)
+{
+    double xy[2], speed;
+    int bits = 0;
+    vgrbl_truth(g, xy, &speed);
+    for (int a = 0; a < 2; a++) {
+        int low = g->set.home_direction >> a & 1;
+        if (low ? xy[a] <= -g->set.travel[a] + 1e-9 : xy[a] >= -1e-9) bits |= 1 << a;
+    }
+    return bits;
+}
+
 static void status(vgrbl *g)
 {
-    static const char *const names[] = {"Idle", "Run", "Hold:1", "Hold:0", "Home", "Alarm"};
+    static const char *const names[] = {"Idle", "Run", "Hold:1", "Hold:0", "Home", "Alarm", "Door:0", "Sleep", "Check"};
     double xy[2], shift[2], speed, unit = g->set.inches ? 1 / 25.4 : 1;
     int decimals = g->set.inches ? 4 : 3, every = g->set.skip_status > 1 ? g->set.skip_status : 1;
     if (g->state == V_HOME || g->critical || g->queries++ % every != 0) return;
@@ -274,6 +307,8 @@ static void status(vgrbl *g)
     }
     vgrbl_say(g, "<%s|%cPos:%.*f,%.*f,%.*f|FS:%.0f,0", names[g->state], g->set.work_positions ? 'W' : 'M',
               decimals, xy[0] * unit, decimals, xy[1] * unit, decimals, 0.0, speed * 60 * unit);
+    int pressed = switches(g);
+    if (pressed) vgrbl_say(g, "|Pn:%s%s", pressed & 1 ? "X" : "", pressed & 2 ? "Y" : "");
     if (g->queries % 10 == 3)
         vgrbl_say(g, "|WCO:%.*f,%.*f,%.*f", decimals, g->set.offset[0] * unit, decimals,
                   g->set.offset[1] * unit, decimals, 0.0);
@@ -287,7 +322,7 @@ void vgrbl_byte(vgrbl *g, unsigned char byte)
         status(g);
         return;
     case '!':
-        if (g->state == V_RUN && g->moving) {
+        if (g->state == V_RUN && g->moving && !g->door) {
             vmove_hold(&g->move, g->now);
             g->state = V_HOLD;
         } else if (g->state == V_IDLE)

@@ -14,7 +14,7 @@
 
 enum { VGRBL_PLANNER = 15, VGRBL_RX = 127, VGRBL_OUT = 8192 };
 
-typedef enum vgrbl_state { V_IDLE, V_RUN, V_HOLD, V_HELD, V_HOME, V_ALARM } vgrbl_state;
+typedef enum vgrbl_state { V_IDLE, V_RUN, V_HOLD, V_HELD, V_HOME, V_ALARM, V_DOOR, V_SLEEP, V_CHECK } vgrbl_state;
 
 typedef enum vgrbl_fault {
     FAULT_NONE,
@@ -24,11 +24,18 @@ typedef enum vgrbl_fault {
     FAULT_REBOOT,  /* power fails in the middle of the move */
     FAULT_SILENCE, /* nothing is said any more */
     FAULT_UNPLUG,  /* the host's business: see vgrbl_unplugged */
-    FAULT_SLIP     /* the motor loses 2 mm and the controller does not notice... until homing */
+    FAULT_SLIP,    /* the motor loses 2 mm and the controller does not notice... until homing */
+    FAULT_HOLD,    /* somebody presses feed hold in the middle of the move */
+    FAULT_DOOR,    /* ... opens the safety door (it is shut again by the next reset) */
+    FAULT_SLEEP,   /* sent to sleep when the move comes */
+    FAULT_CHECK,   /* check mode when the move comes */
+    FAULT_GARBLE,  /* the ok of the move is damaged */
+    FAULT_STRAY    /* the move is answered twice */
 } vgrbl_fault;
 
 typedef struct vgrbl_settings {
     double steps_per_mm[2], max_rate[2] /* mm/min */, acceleration[2] /* mm/s2 */, travel[2] /* mm */;
+    int idle_delay /* $1, ms */, z_first /* $H looks for a Z that isn't there */, single_axis /* takes $HX, $HY */;
     int inches, work_positions, homing, soft_limits, hard_limits, home_direction, hal;
     double home_rate;    /* mm/min */
     double offset[2];    /* G54, mm */
@@ -44,6 +51,7 @@ typedef struct vgrbl {
     double now; /* s, simulated */
     vgrbl_state state;
     int critical;                   /* deaf to lines until reset */
+    double deaf_until;              /* > 0: throws resets away until then, and says so when it is over */
     double belief[2], shift[2];     /* machine position; truth - belief */
     vmove move;                     /* the one under way */
     double queue[VGRBL_PLANNER][3]; /* targets and feed (mm/s) behind it */
@@ -55,13 +63,14 @@ typedef struct vgrbl {
     int waiting; /* 0 none, 'd' dwell wants an empty planner, 'p' move wants room, 'h' homing */
     double held_target[3];
     double home_end, home_from[2];
+    int home_axes; /* bits */
     char rx[VGRBL_RX];
     size_t rx_n;
     char out[VGRBL_OUT];
     size_t out_n;
     long moves, queries;
     double fault_time; /* > 0: when the fault strikes */
-    int silent, unplugged;
+    int silent, unplugged, door, garble;
 } vgrbl;
 
 void vgrbl_init(vgrbl *g, const vgrbl_settings *s, const double true_position[2]);

@@ -115,6 +115,7 @@ static int run(vgrbl *g, const char *line)
         return -1;
     }
     if (!has_axis) return w.absolute_machine ? 26 : 0;
+    if (g->state == V_CHECK) return 0;
     if (g->motion == 1 && !(g->ask_feed > 0)) return 22;
     double at[2], to[2], given[2] = {w.x, w.y};
     /* the planner's end, not where the stage is just now */
@@ -137,6 +138,14 @@ static int run(vgrbl *g, const char *line)
         g->state = V_ALARM;
         return 9;
     }
+    int strikes = g->moves + g->queued + 1 == g->set.fault_at;
+    if (strikes && (g->set.fault == FAULT_SLEEP || g->set.fault == FAULT_CHECK)) {
+        g->moves++;
+        g->state = g->set.fault == FAULT_SLEEP ? V_SLEEP : V_CHECK;
+        return g->state == V_SLEEP ? -1 : 0;
+    }
+    if (strikes && g->set.fault == FAULT_STRAY) vgrbl_say(g, "ok\r\n");
+    g->garble = strikes && g->set.fault == FAULT_GARBLE;
     double feed = g->motion == 0 ? INFINITY : g->ask_feed / 60;
     if (vgrbl_queue(g, to, feed)) return 0;
     memcpy(g->held_target, to, sizeof to);
@@ -159,9 +168,9 @@ static void settings(vgrbl *g)
 {
     const vgrbl_settings *s = &g->set;
     vgrbl_say(g,
-              "$0=10\r\n$1=25\r\n$2=0\r\n$3=0\r\n$4=0\r\n$5=0\r\n$6=0\r\n$10=%d\r\n$11=0.010\r\n$12=0."
+              "$0=10\r\n$1=%d\r\n$2=0\r\n$3=0\r\n$4=0\r\n$5=0\r\n$6=0\r\n$10=%d\r\n$11=0.010\r\n$12=0."
               "002\r\n$13=%d\r\n",
-              s->work_positions ? 0 : 1, s->inches);
+              s->idle_delay, s->work_positions ? 0 : 1, s->inches);
     vgrbl_say(g,
               "$20=%d\r\n$21=%d\r\n$22=%d\r\n$23=%d\r\n$24=25.000\r\n$25=%.3f\r\n$26=250\r\n$27=1.000\r\n$30="
               "1000\r\n$31=0\r\n$32=0\r\n",
@@ -180,12 +189,14 @@ static int dollar(vgrbl *g, const char *line)
         if (g->state == V_ALARM) g->state = V_IDLE;
         return 0;
     }
-    if (!strcmp(line, "$H")) {
+    if (!strcmp(line, "$H") || (g->set.single_axis && (!strcmp(line, "$HX") || !strcmp(line, "$HY")))) {
         if (!g->set.homing) return 5;
         if (!quiet) return 8;
         double speed, longest = 0;
         vgrbl_truth(g, g->home_from, &speed);
+        g->home_axes = line[2] == 'X' ? 1 : line[2] == 'Y' ? 2 : 3;
         for (int a = 0; a < 2; a++) {
+            if (!(g->home_axes >> a & 1)) continue;
             double end = g->set.home_direction >> a & 1 ? -g->set.travel[a] : 0;
             longest = fmax(longest, fabs(end - g->home_from[a]));
         }
@@ -194,14 +205,16 @@ static int dollar(vgrbl *g, const char *line)
         g->home_end = g->now + longest / (g->set.home_rate / 60) + 3; /* and the slow approach */
         return -1;
     }
+    if (!strcmp(line, "$G")) { /* at any time */
+        vgrbl_say(g, "[GC:G%d G54 G17 G%d G%d G94 M5 M9 T0 F%.0f S0]\r\n", g->motion, g->inch_mode ? 20 : 21,
+                  g->relative ? 91 : 90, g->ask_feed);
+        return 0;
+    }
     if (!quiet) return 8;
     if (!strcmp(line, "$$"))
         settings(g);
     else if (!strcmp(line, "$I"))
         vgrbl_say(g, "[VER:1.1h.20190825:]\r\n[OPT:V,15,128]\r\n");
-    else if (!strcmp(line, "$G"))
-        vgrbl_say(g, "[GC:G%d G54 G17 G%d G%d G94 M5 M9 T0 F%.0f S0]\r\n", g->motion, g->inch_mode ? 20 : 21,
-                  g->relative ? 91 : 90, g->ask_feed);
     else
         return 3;
     return 0;
@@ -217,15 +230,16 @@ void vgrbl_line(vgrbl *g, char *line)
     else
         bad = g->state == V_ALARM ? 9 : run(g, line);
     if (bad == 0)
-        vgrbl_say(g, "ok\r\n");
-    else if (bad > 0)
-        vgrbl_say(g, "error:%d\r\n", bad);
+        vgrbl_say(g, g->garble ? "o\x7f{\r\n" : "ok\r\n");
+    g->garble = 0;
+    if (bad <= 0) return;
+    vgrbl_say(g, "error:%d\r\n", bad);
 }
 
 /* Lines wait while a command is under way whose answer is due first. */
 void vgrbl_lines(vgrbl *g)
 {
-    while (!g->waiting && !g->critical) {
+    while (!g->waiting && !g->critical && g->state != V_HELD && g->state != V_HOLD && g->state != V_DOOR && g->state != V_SLEEP) {
         size_t n = 0;
         while (n < g->rx_n && g->rx[n] != '\n' && g->rx[n] != '\r') n++;
         if (n == g->rx_n) {

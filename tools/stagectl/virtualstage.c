@@ -29,9 +29,10 @@ static struct {
     const char *dialect, *link, *truth, *fault, *startup;
     double factor, travel[2], steps[2], rate, acceleration, home_rate, start[2], offset[2], late_ok, boot;
     int inches, work, no_homing, hard, no_soft, with_parent, split, noise, skip_status, c4, home_direction,
-        reset_ok, deaf;
+        reset_ok, deaf, idle_delay, z_first, single_axis;
 } o = {.dialect = "grbl",
        .factor = 1,
+       .idle_delay = 255,
        .travel = {800, 800},
        .steps = {80, 80},
        .rate = 6000,
@@ -65,6 +66,9 @@ static const cli_opt opts[] = {
     {"no-homing", 0, CLI_FLAG, &o.no_homing, NULL, NULL, "$22=0"},
     {"no-soft-limits", 0, CLI_FLAG, &o.no_soft, NULL, NULL, "$20=0"},
     {"hard-limits", 0, CLI_FLAG, &o.hard, NULL, NULL, "$21=1: the ends of travel raise ALARM:1"},
+    {"idle-delay", 0, CLI_INT, &o.idle_delay, NULL, "MS", "$1: after a move the motors keep their current so long; 255 = always (255)"},
+    {"z-first", 0, CLI_FLAG, &o.z_first, NULL, NULL, "$H looks for a Z axis first and fails, as stock GRBL on two axes"},
+    {"single-axis", 0, CLI_FLAG, &o.single_axis, NULL, NULL, "take $HX and $HY"},
     {"skip-status", 0, CLI_INT, &o.skip_status, NULL, "N", "answer one status query in N"},
     {"late-ok", 0, CLI_DOUBLE, &o.late_ok, NULL, "S", "each ok comes so much later, s of ours"},
     {"reset-ok", 0, CLI_FLAG, &o.reset_ok, NULL, NULL, "a reset answers a pending command before the banner"},
@@ -74,7 +78,7 @@ static const cli_opt opts[] = {
     {"noise", 0, CLI_FLAG, &o.noise, NULL, NULL, "bytes of noise and lines of nonsense between the lines"},
     {"with-parent", 0, CLI_FLAG, &o.with_parent, NULL, NULL, "end when the process that started it ends"},
     {"fault", 0, CLI_STRING, &o.fault, NULL, "KIND@N",
-     "in move N: alarm1 alarm3 error9 reboot silence unplug slip"},
+     "in move N: alarm1 alarm3 error9 reboot silence unplug slip hold door sleep check\ngarble stray"},
     {0}};
 
 static const cli_prog prog = {.name = "virtualstage",
@@ -110,12 +114,12 @@ static void on_end(int sig)
 
 static void parse_fault(vgrbl_settings *s)
 {
-    static const char *const names[] = {"",       "alarm1",  "alarm3", "error9",
-                                        "reboot", "silence", "unplug", "slip"};
+    static const char *const names[] = {"",     "alarm1", "alarm3", "error9", "reboot", "silence", "unplug",
+                                        "slip", "hold",   "door",   "sleep",  "check",  "garble",  "stray"};
     char kind[32], rest;
     if (!o.fault) return;
     if (sscanf(o.fault, "%31[a-z0-9]@%ld%c", kind, &s->fault_at, &rest) == 2 && s->fault_at > 0)
-        for (int k = 1; k < 8; k++)
+        for (int k = 1; k < (int)(sizeof names / sizeof *names); k++)
             if (!strcmp(kind, names[k])) s->fault = (vgrbl_fault)k;
     if (s->fault == FAULT_NONE) cli_fail(CLI_USAGE, "--fault: expected KIND@N, found '%s'", o.fault);
 }
@@ -251,6 +255,9 @@ static void start_controller(void)
                         .hard_limits = o.hard,
                         .home_direction = o.home_direction,
                         .hal = hal,
+                        .idle_delay = o.idle_delay,
+                        .z_first = o.z_first,
+                        .single_axis = o.single_axis,
                         .home_rate = o.home_rate,
                         .offset = {o.offset[0], o.offset[1]},
                         .startup = o.startup,
