@@ -41,6 +41,7 @@ static void keep_setting(stage *s, const grbl_message *m)
     grbl *g = s->state;
     stage_facts *f = &s->facts;
     int whole = (int)fmin(fmax(m->value, -1e6), 1e6);
+    for (const char *p = m->text; *p; p++) g->settings_sum = (g->settings_sum ^ (unsigned char)*p) * 0x100000001b3u;
     switch (m->number) {
     case 1:
         f->motors_rest_ms = whole;

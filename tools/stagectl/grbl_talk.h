@@ -5,6 +5,8 @@
 #ifndef GRBL_TALK_H
 #define GRBL_TALK_H
 
+#include <stdint.h>
+
 #include "grbl_proto.h"
 #include "linebuf.h"
 #include "stage.h"
@@ -26,6 +28,7 @@ typedef struct grbl {
     int need_reset, resettable; /* in a critical alarm; from when on a reset is not thrown away */
     double alarm_time;
     int alarm;       /* number of the last one since the last reset; 0 = none */
+    uint64_t settings_sum; /* FNV-1a of the lines of settings since it was set */
     int homing;      /* deaf to hold and query: only a reset stops it */
     int tells_modes; /* $G is answered by [GC:...]: the way to know that all lines before it are done */
     int lost;        /* answers that never came, though it was there */
