@@ -14,7 +14,7 @@
 static const double banner_s = 3, reset_s = 3;
 
 /* Machine space: homing ends at the switch, and GRBL counts from there: -travel..0, whichever end the switch
- * is at; built with the zero at home ('Z', or bit 3 of grblHAL's $22) it is 0..travel where $23 says so.  With
+ * is at; built with the zero at home ('Z', or bit 3 of grblHAL's $22) it is 0..travel where $23 says so. With
  * hard limits ($21) the switch itself is out of bounds: touching it is an alarm.  The pull-off ($27) is the
  * distance at which it is known to be open; with the zero at home that is where the zero already lies. */
 static void set_travel(stage *s)

@@ -97,6 +97,7 @@ static int check(const session *s, errmsg *e)
         return err_set(e, "[stage] driver: expected grbl or c4, found '%s'", s->driver);
     if (!s->folder[0]) return err_set(e, "[output] folder: expected a name");
     if (stage_homing_check(s->homing, e) != 0) return -1;
+    if (s->check_home > 0 && !s->home) return err_set(e, "[stage] check_home: expected home = yes with it");
     for (int a = 0; a < 2; a++)
         if ((s->travel[2 * a] != 0 || s->travel[2 * a + 1] != 0) &&
             !(s->travel[2 * a] < s->travel[2 * a + 1]))
@@ -149,11 +150,10 @@ int session_load(session *out, const char *path, errmsg *e)
 
 void session_free(session *s)
 {
-    char **texts[] = {&s->driver, &s->port,       &s->axes,           &s->command,
-                      &s->labels, &s->error_text, &s->exposures_text, &s->folder,
-                      &s->file,   &s->times,      &s->before,         &s->beside,
-                      &s->hdrgen, &s->fishremap,  &s->ilfpack,        &s->light_field,
-                      &s->depends, &s->lens,      &s->home_folder,    &s->homing};
+    char **texts[] = {&s->driver,      &s->port,           &s->axes,   &s->command,     &s->labels,
+                      &s->error_text,  &s->exposures_text, &s->folder, &s->file,        &s->times,
+                      &s->before,      &s->beside,         &s->hdrgen, &s->fishremap,   &s->ilfpack,
+                      &s->light_field, &s->depends,        &s->lens,   &s->home_folder, &s->homing};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         free(*texts[i]);
         *texts[i] = NULL;
