@@ -298,6 +298,14 @@ def test_lost_steps_are_found(tmp_path, args):
             assert "by 2.0" in r.err or "by 1.9" in r.err, r.err
 
 
+def test_looking_for_lost_steps_needs_homing(tmp_path):
+    assert "home = yes" in run("stagectl", "plan", session(tmp_path, stage={"check_home": 2, "home": "no"}), code=1).err
+    with Stage(tmp_path, factor=2000) as stage:       # without homing at the start it has nothing to compare with but homing itself
+        go(stage, "home")
+        r = go(stage, "--assume-position", "capture", session(tmp_path, stage={"check_home": 4, "settle": 0}), timeout=60)
+        assert "doubt" not in r.err and len(shots(tmp_path / "out")) == 12
+
+
 # ---- other lines ---------------------------------------------------------------------------------------------------
 
 class Bridge(threading.Thread):

@@ -69,10 +69,11 @@ typedef struct capture_run {
     double started_s;
     long places_this_run;
     int guess;
-    int was_known;                /* the stage's position, once in this run */
-    long unchecked, doubt_from;   /* places since the last look at the switches; index of the first of them */
-    double switch_at[2];          /* where they were just after homing, machine mm */
-    int has_baseline, has_switch[2], in_doubt; /* looked for; found; places that a check called in doubt */
+    int was_known;              /* the stage's position, once in this run */
+    long unchecked, doubt_from; /* places since the last look at the switches; index of the first of them */
+    long in_doubt;              /* places that such a look called in doubt */
+    double switch_at[2];        /* where they were just after homing, machine mm */
+    int has_baseline, has_switch[2]; /* looked for; found */
 } capture_run;
 
 /* Compare the files with the journal.  full: read them all; else those whose size and time are as recorded

@@ -1,9 +1,9 @@
 /*
  * capture_stage.c - see capture_stage.h.
  *
- * A controller that counts open loop can be wrong about where it stands in two ways: it has restarted and counts
- * from another zero, or steps were lost.  The first shows in the position that it reports against the journal's;
- * the second at the homing switches, which have not moved.
+ * A controller that counts open loop can be wrong about where it stands in two ways: it has restarted and
+ * counts from another zero, or steps were lost.  The first shows in the position that it reports against the
+ * journal's; the second at the homing switches, which have not moved.
  */
 #include "capture_stage.h"
 
@@ -31,9 +31,12 @@ static int check_travel(const capture_run *r, errmsg *e)
     errmsg why;
     if (f->has_travel && plan_check_travel(s, f->lo, f->hi, &why) != 0)
         return err_set(e, "%s%s", why.text,
-                       f->margin_mm > 0 ? " (the switch, and $27 before it, is out of bounds: with $21=1 it is an alarm)" : "");
+                       f->margin_mm > 0
+                           ? " (the switch, and $27 before it, is out of bounds: with $21=1 it is an alarm)"
+                           : "");
     if (stated) return plan_check_travel(s, lo, hi, e);
-    if (!f->has_travel) say(r, "travel not checked: the controller doesn't say and [stage] travel is not given");
+    if (!f->has_travel)
+        say(r, "travel not checked: the controller doesn't say and [stage] travel is not given");
     return 0;
 }
 
@@ -63,7 +66,8 @@ static int may_stand(const capture_run *r, const double at[2], const double last
         for (int known = 0; known < 2; known++) {
             double path[2][2];
             int n = plan_path(path, s, known ? last : NULL, p.machine);
-            on_way |= from_segment(at, last, path[0]) <= near_mm || from_segment(at, path[0], path[n - 1]) <= near_mm;
+            on_way |= from_segment(at, last, path[0]) <= near_mm ||
+                      from_segment(at, path[0], path[n - 1]) <= near_mm;
         }
     }
     if (r->stage->restarted) return !begun && from_segment(at, last, last) <= near_mm;
@@ -83,11 +87,13 @@ static stage_code compare_position(const capture_run *r, const double last[2], e
         snprintf(way, sizeof way, "home it: leave --assume-position out");
     else
         snprintf(way, sizeof way,
-                 "set the stage to its zero by hand, restart the controller there, 'stagectl move %.3f %.3f', then "
+                 "set the stage to its zero by hand, restart the controller there, 'stagectl move %.3f "
+                 "%.3f', then "
                  "--assume-position again",
                  last[0], last[1]);
     err_set(e,
-            "stage: expected it at %.3f %.3f mm, where the journal saw it last, found %.3f %.3f: the controller has "
+            "stage: expected it at %.3f %.3f mm, where the journal saw it last, found %.3f %.3f: the "
+            "controller has "
             "restarted%s and counts from another zero, or it was moved; %s",
             last[0], last[1], at[0], at[1], st->restarted ? " (opening the port did it)" : "", way);
     return STAGE_REFUSED;
@@ -113,7 +119,8 @@ static stage_code home(capture_run *r, errmsg *e)
     r->has_baseline = 1;
     c = find(r, r->switch_at, r->has_switch, e);
     if (c == STAGE_OK && !(r->has_switch[0] && r->has_switch[1]))
-        say(r, "check_home: the controller doesn't show both homing switches where it homes (Pn: in its status; $20=1 "
+        say(r, "check_home: the controller doesn't show both homing switches where it homes (Pn: in its "
+               "status; $20=1 "
                "keeps it from going there): drift is seen towards them only");
     if (c == STAGE_OK && (st->locked || !st->position_known)) c = st->driver->home(st, e);
     return c;
@@ -175,41 +182,52 @@ stage_code capture_ready_stage(capture_run *r, errmsg *e)
 
 /* ---- on the way ------------------------------------------------------------------------------------- */
 
-stage_code capture_check_home(capture_run *r, long index, errmsg *e)
+/* What the axes' switches say, in words that go on from those there are.  Number of axes amiss. */
+static int tell_drift(char *words, size_t room, const capture_run *r, const double seen[2],
+                      const int found[2])
 {
-    stage *st = r->stage;
-    double seen[2];
-    int found[2], amiss = 0;
-    char words[600] = "check_home:";
-    if (!st->port) return STAGE_OK; /* nothing was left to take */
-    capture_show(r, "looking for the switches");
-    stage_code c = find(r, seen, found, e);
-    if (c != STAGE_OK) return c;
+    int amiss = 0;
     for (int a = 0; a < 2; a++) {
         size_t n = strlen(words);
         double by = seen[a] - r->switch_at[a];
         if (!r->has_switch[a] && !found[a]) continue;
         if (found[a] && r->has_switch[a] && fabs(by) <= drift_mm) continue;
-        if (!found[a])
-            snprintf(words + n, sizeof words - n, "%s %c has drifted away from its switch%s", amiss ? " and" : "", "xy"[a],
-                     " (how far can't be seen: with $20=1 the controller goes no further)");
-        else
-            snprintf(words + n, sizeof words - n, "%s %c has drifted by %.2f mm (it stands at %+.2f of what is reported)",
+        if (found[a])
+            snprintf(words + n, room - n,
+                     "%s %c has drifted by %.2f mm (it stands at %+.2f of what is reported)",
                      amiss ? " and" : "", "xy"[a], fabs(by), -by);
+        else
+            snprintf(words + n, room - n,
+                     "%s %c has drifted away from its switch (how far can't be seen: with $20=1 the "
+                     "controller goes no further)",
+                     amiss ? " and" : "", "xy"[a]);
         amiss++;
     }
-    if (amiss) {
+    return amiss;
+}
+
+stage_code capture_check_home(capture_run *r, long index, errmsg *e)
+{
+    double seen[2];
+    int found[2];
+    char words[600] = "check_home:";
+    if (!r->stage->port) return STAGE_OK; /* nothing was left to take */
+    capture_show(r, "looking for the switches");
+    stage_code c = find(r, seen, found, e);
+    if (c == STAGE_OK) c = home(r, e); /* with --assume-position this finds out where they should be */
+    if (c != STAGE_OK) return c;
+    if (tell_drift(words, sizeof words, r, seen, found)) {
         place first, last;
         size_t n = strlen(words);
         plan_place(&first, r->s, r->doubt_from);
         plan_place(&last, r->s, index);
-        snprintf(words + n, sizeof words - n, ": the %ld places from %d,%d to %d,%d are in doubt", r->unchecked, first.i, first.j,
-                 last.i, last.j);
+        snprintf(words + n, sizeof words - n, ": the %ld places from %d,%d to %d,%d are in doubt",
+                 r->unchecked, first.i, first.j, last.i, last.j);
         say(r, words);
-        r->in_doubt += (int)r->unchecked;
+        r->in_doubt += r->unchecked;
     }
     r->unchecked = 0;
-    return home(r, e);
+    return STAGE_OK;
 }
 
 void capture_leave_stage(capture_run *r, stage_code why)
@@ -225,7 +243,7 @@ void capture_leave_stage(capture_run *r, stage_code why)
         say(r, words.text);
     else if (!st->position_known && r->was_known)
         say(r, "stage: its position is lost");
-    else if (r->was_known && st->position_known && st->facts.reports_position && st->driver->where(st, at, state, &words) == STAGE_OK &&
-             journal_stopped(r->j, at, &words) != 0)
+    else if (r->was_known && st->position_known && st->facts.reports_position &&
+             st->driver->where(st, at, state, &words) == STAGE_OK && journal_stopped(r->j, at, &words) != 0)
         say(r, words.text);
 }

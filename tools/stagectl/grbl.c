@@ -14,7 +14,7 @@
 static const double banner_s = 3, reset_s = 3;
 
 /* Machine space: homing ends at the switch, and GRBL counts from there: -travel..0, whichever end the switch
- * is at; built with the zero at home ('Z', or bit 3 of grblHAL's $22) it is 0..travel where $23 says so.  With
+ * is at; built with the zero at home ('Z', or bit 3 of grblHAL's $22) it is 0..travel where $23 says so. With
  * hard limits ($21) the switch itself is out of bounds: touching it is an alarm.  The pull-off ($27) is the
  * distance at which it is known to be open; with the zero at home that is where the zero already lies. */
 static void set_travel(stage *s)
@@ -37,16 +37,20 @@ static void set_travel(stage *s)
     if (g->is_hal && (g->keep_on & 3) == 3) f->motors_rest_ms = 255;
 }
 
-/* All settings.  A damaged line of them can't be told from one that isn't there: read again. */
+/* All settings, until two readings agree: a damaged line of them looks like another value, or isn't there. */
 static stage_code read_settings(stage *s, errmsg *e)
 {
     grbl *g = s->state;
-    stage_code r = STAGE_OK;
-    for (int tries = 0, noise = -1; tries < 3 && r == STAGE_OK && noise != g->noise; tries++) {
-        noise = g->noise;
-        r = grbl_command(s, "$$\n", answer_s, "reading the controller's settings", e);
+    uint64_t before = 0;
+    for (int tries = 0; tries < 5; tries++) {
+        g->settings_sum = 1;
+        stage_code r = grbl_command(s, "$$\n", answer_s, "reading the controller's settings", e);
+        if (r != STAGE_OK) return r;
+        if (g->settings_sum == before) return STAGE_OK;
+        before = g->settings_sum;
     }
-    return r;
+    err_set(e, "stage: the controller's settings read otherwise each time: a disturbed line");
+    return STAGE_REFUSED;
 }
 
 /* Find out that someone is there.  Opening the port reboots many boards: their banner comes within 3 s.

@@ -1,6 +1,6 @@
 /*
- * grbl_drive.h - between the files of the GRBL driver: grbl.c (who is there), grbl_move.c (moves), grbl_home.c
- * (homing, alarms, switches).
+ * grbl_drive.h - between the files of the GRBL driver: grbl.c (who is there), grbl_move.c (moves),
+ * grbl_home.c (homing, alarms, switches).
  */
 #ifndef GRBL_DRIVE_H
 #define GRBL_DRIVE_H

@@ -1,9 +1,10 @@
 /*
- * grbl_home.c - homing of the GRBL driver, how long it may take, the way out of an alarm, where the switches are.
+ * grbl_home.c - homing of the GRBL driver, how long it may take, the way out of an alarm, where the switches
+ * are.
  *
  * GRBL homes each group of axes like this: towards the switch for at most 1.5 times the travel ($130) at the
- * seek rate ($25, but no faster than $110), off it by $27, again towards it for at most 5 times $27 at the slow
- * rate ($24), off it; and it rests $26 ms after each.  Meanwhile it is deaf to everything but a reset.
+ * seek rate ($25, but no faster than $110), off it by $27, again towards it for at most 5 times $27 at the
+ * slow rate ($24), off it; and it rests $26 ms after each.  Meanwhile it is deaf to everything but a reset.
  */
 #include <math.h>
 #include <stdio.h>
@@ -70,12 +71,15 @@ static stage_code home_command(stage *s, const char *command, errmsg *e)
     if (r == STAGE_SILENT) {
         err_set(e, "stage: homing is not done after %.0f s", limit);
         if (limit < needs)
-            err_set(e, "stage: homing is not done after %.0f s; by $130, $131, $24 and $25 it may take %.0f s", limit, needs);
+            err_set(e,
+                    "stage: homing is not done after %.0f s; by $130, $131, $24 and $25 it may take %.0f s",
+                    limit, needs);
     }
     /* What stock firmware does to a stage of two axes. */
     const char *hint = NULL;
     if (r == STAGE_REFUSED && (g->alarm == 8 || g->alarm == 9) && !command[2])
-        hint = "; stock GRBL homes Z first, which a stage of two axes has not: build it with HOMING_CYCLE_0 for X and Y alone, "
+        hint = "; stock GRBL homes Z first, which a stage of two axes has not: build it with HOMING_CYCLE_0 "
+               "for X and Y alone, "
                "or, where it homes single axes (HOMING_SINGLE_AXIS_COMMANDS, grblHAL), set homing = $HX $HY";
     else if (r == STAGE_REFUSED && command[2] && !g->alarm)
         hint = "; this firmware homes no single axes (HOMING_SINGLE_AXIS_COMMANDS)";
@@ -141,7 +145,8 @@ stage_code grbl_unlock(stage *s, errmsg *e)
     stage_code r = unlock(s, &pressed, e);
     if (r != STAGE_OK) return r;
     if (g->hard_limits && pressed && s->note)
-        s->note("stage: a limit switch is still pressed: with $21=1 the controller locks again at each start, and as it "
+        s->note("stage: a limit switch is still pressed: with $21=1 the controller locks again at each "
+                "start, and as it "
                 "leaves the switch; move the stage off it by hand, or home it");
     s->position_known = 1; /* the user's word */
     return STAGE_OK;
@@ -171,8 +176,10 @@ static stage_code creep(stage *s, const double to[2], int *hit, unsigned *presse
     return r;
 }
 
-/* One axis: with hard limits a single slow move ends at the switch; without them it goes step by step, and asks. */
-static stage_code find_one(stage *s, int a, double at[2], double direction, double last, double *seen, int *found, errmsg *e)
+/* One axis: with hard limits a single slow move ends at the switch; without them it goes step by step, and
+ * asks. */
+static stage_code find_one(stage *s, int a, double at[2], double direction, double last, double *seen,
+                           int *found, errmsg *e)
 {
     grbl *g = s->state;
     int hit = 0;

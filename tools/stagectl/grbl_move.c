@@ -3,9 +3,9 @@
  *
  * ok means parsed and queued, not moved.  The ok of a dwell (G4) comes when the planner is empty and the
  * dwell is over; but an ok has no name, and one too many on the line would pass for it.  So the modes are
- * asked for behind the dwell ($G): their answer has a name and comes after everything before it.  Only a status
- * of Idle at the target is taken as standing still.  Targets are absolute, so a lost answer costs nothing: when
- * the stage stands elsewhere after one, the path is sent again.
+ * asked for behind the dwell ($G): their answer has a name and comes after everything before it.  Only a
+ * status of Idle at the target is taken as standing still.  Targets are absolute, so a lost answer costs
+ * nothing: when the stage stands elsewhere after one, the path is sent again.
  */
 #include <math.h>
 #include <string.h>
@@ -23,8 +23,8 @@ static int reached(const stage *s, const double xy[2], const double target[2])
     return 1;
 }
 
-/* The ok of the dwell; the deadline moves on while the stage does.  Standing at the target for longer than the
- * dwell without that ok: it was lost. */
+/* The ok of the dwell; the deadline moves on while the stage does.  Standing at the target for longer than
+ * the dwell without that ok: it was lost. */
 static stage_code barrier(stage *s, const double target[2], double settle_s, double expected_s, errmsg *e)
 {
     grbl *g = s->state;
@@ -55,8 +55,8 @@ static stage_code barrier(stage *s, const double target[2], double settle_s, dou
             ask = now + poll_s;
             r = grbl_ask(s, &asking, "moving", e);
         } else if (r == STAGE_SILENT && !isnan(before[0]) && asking.asked < DEAD_ASKS) {
-            err_set(e, "stage: expected it to reach %.3f %.3f mm, found it %s at %.3f %.3f and not going on", target[0],
-                    target[1], grbl_state_name(m.state), before[0], before[1]);
+            err_set(e, "stage: expected it to reach %.3f %.3f mm, found it %s at %.3f %.3f and not going on",
+                    target[0], target[1], grbl_state_name(m.state), before[0], before[1]);
             r = STAGE_REFUSED;
         }
     }
@@ -97,7 +97,8 @@ static stage_code rest(stage *s, double seconds, errmsg *e)
     return r == STAGE_SILENT ? STAGE_OK : r;
 }
 
-static stage_code along(stage *s, const double (*path)[2], int n, double feed, double settle_s, int *elsewhere, errmsg *e)
+static stage_code along(stage *s, const double (*path)[2], int n, double feed, double settle_s,
+                        int *elsewhere, errmsg *e)
 {
     grbl *g = s->state;
     double seconds = 0, from[2] = {g->last[0], g->last[1]};
@@ -118,7 +119,7 @@ static stage_code along(stage *s, const double (*path)[2], int n, double feed, d
     stage_code r = barrier(s, path[n - 1], settle_s, seconds, e);
     if (r == STAGE_OK && g->tells_modes) r = grbl_sync(s, "moving", e);
     if (r == STAGE_OK) r = confirm(s, path[n - 1], &late, elsewhere, e);
-    if (r == STAGE_OK && late) r = rest(s, settle_s, e);
+    if (r == STAGE_OK && (late || !g->tells_modes)) r = rest(s, settle_s, e);
     return r;
 }
 
@@ -128,7 +129,8 @@ stage_code grbl_go(stage *s, const double (*path)[2], int n, double feed, double
     int lost = g->lost, elsewhere;
     s->under_way = 1;
     stage_code r = along(s, path, n, feed, settle_s, &elsewhere, e);
-    if (r == STAGE_REFUSED && elsewhere && g->lost > lost) r = along(s, path, n, feed, settle_s, &elsewhere, e);
+    if (r == STAGE_REFUSED && elsewhere && g->lost > lost)
+        r = along(s, path, n, feed, settle_s, &elsewhere, e);
     if (r == STAGE_OK) s->under_way = 0;
     return r;
 }

@@ -192,7 +192,7 @@ void grbl_parse(grbl_message *m, const char *line)
     } else if (line[0] == '[') {
         m->kind = !strncmp(line, "[GC:", 4)                  ? GRBL_MODES
                   : !strncmp(line, "[MSG:Reset to cont", 18) ? GRBL_RESETTABLE
-                                                            : GRBL_FEEDBACK;
+                                                             : GRBL_FEEDBACK;
     } else if (line[0] == '>') {
         m->kind = GRBL_ECHO;
     } else if (line[0] == '$') {

@@ -17,16 +17,16 @@ enum { GRBL_AXES = 6, GRBL_BAUD = 115200, GRBL_LINE_MAX = 79 };
 
 typedef enum grbl_kind {
     GRBL_OK,
-    GRBL_ERROR,    /* number */
-    GRBL_ALARM,    /* number */
-    GRBL_STATUS,   /* state ... */
-    GRBL_BANNER,   /* text: name and version; supported says whether it is 1.1 or later */
-    GRBL_SETTING,  /* $number=value */
-    GRBL_FEEDBACK, /* [...] */
-    GRBL_MODES,    /* [GC:...], what $G says: all lines before it have been worked off */
+    GRBL_ERROR,      /* number */
+    GRBL_ALARM,      /* number */
+    GRBL_STATUS,     /* state ... */
+    GRBL_BANNER,     /* text: name and version; supported says whether it is 1.1 or later */
+    GRBL_SETTING,    /* $number=value */
+    GRBL_FEEDBACK,   /* [...] */
+    GRBL_MODES,      /* [GC:...], what $G says: all lines before it have been worked off */
     GRBL_RESETTABLE, /* [MSG:Reset to continue]: from now on a critical alarm takes a reset */
-    GRBL_ECHO,     /* >G21:ok, a start-up line that was run */
-    GRBL_NOISE     /* none of these */
+    GRBL_ECHO,       /* >G21:ok, a start-up line that was run */
+    GRBL_NOISE       /* none of these */
 } grbl_kind;
 
 typedef enum grbl_state {
@@ -51,7 +51,7 @@ typedef struct grbl_message {
     int supported;                            /* banner */
     grbl_state state;                         /* status; GRBL_HELD = hold complete */
     int sub;                                  /* status: Door:2 gives 2; -1 = none */
-    int limits;                               /* status: bits of the limit switches that are pressed (Pn:XY) */
+    int limits; /* status: bits of the limit switches that are pressed (Pn:XY) */
     int axes;                                 /* status: axes in pos */
     int is_work;                              /* status: pos is the work position, not the machine's */
     double pos[GRBL_AXES], offset[GRBL_AXES]; /* as reported: mm, or inches with $13=1 */

@@ -41,6 +41,8 @@ static void keep_setting(stage *s, const grbl_message *m)
     grbl *g = s->state;
     stage_facts *f = &s->facts;
     int whole = (int)fmin(fmax(m->value, -1e6), 1e6);
+    for (const char *p = m->text; *p; p++)
+        g->settings_sum = (g->settings_sum ^ (unsigned char)*p) * 0x100000001b3u;
     switch (m->number) {
     case 1:
         f->motors_rest_ms = whole;
@@ -214,8 +216,8 @@ stage_code grbl_ask(stage *s, grbl_asking *a, const char *doing, errmsg *e)
 
 /* Wait for what is wanted; from late_s on a status query every now and then tells whether somebody is there
  * and whether lines are worked off.  STAGE_SILENT with *alive set: it is there, but what is wanted is not. */
-static stage_code await(stage *s, grbl_message *m, int want, double late_s, double deadline, int *alive, const char *doing,
-                        errmsg *e)
+static stage_code await(stage *s, grbl_message *m, int want, double late_s, double deadline, int *alive,
+                        const char *doing, errmsg *e)
 {
     double ask = now_s() + late_s;
     grbl *g = s->state;
@@ -270,7 +272,8 @@ stage_code grbl_command(stage *s, const char *line, double timeout_s, const char
     stage_code r = grbl_send(s, line, doing, e);
     if (r == STAGE_OK) r = await(s, &m, WANT_ANSWER, ask_s, now_s() + timeout_s, &alive, doing, e);
     if (r != STAGE_SILENT || !alive || !g->tells_modes) return r;
-    if (!g->lost++ && s->note) s->note("stage: an answer was lost on the line; asked where it is and went on (reported once)");
+    if (!g->lost++ && s->note)
+        s->note("stage: an answer was lost on the line; asked where it is and went on (reported once)");
     return grbl_sync(s, doing, e);
 }
 
@@ -300,7 +303,8 @@ stage_code grbl_soft_reset(stage *s, grbl_message *m, errmsg *e)
     stage_code r = STAGE_SILENT;
     /* the message that says so may be lost: time tells as well; a banner by itself will do */
     while (g->need_reset && !g->resettable && now_s() < g->alarm_time + deaf_s && r == STAGE_SILENT)
-        r = grbl_take(s, m, WANT_BANNER, fmin(now_s() + 0.05, g->alarm_time + deaf_s), "waiting for the end of an alarm", e);
+        r = grbl_take(s, m, WANT_BANNER, fmin(now_s() + 0.05, g->alarm_time + deaf_s),
+                      "waiting for the end of an alarm", e);
     for (int tries = 0; tries < 2 && r == STAGE_SILENT; tries++) {
         r = grbl_realtime(s, GRBL_RESET, e);
         if (r == STAGE_OK)
@@ -327,7 +331,8 @@ static stage_code until_it_stands(stage *s, errmsg *e)
     double until = now_s() + hold_seconds(s), xy[2], before[2] = {NAN, NAN};
     for (int silent = 0; now_s() < until && silent < 6;) {
         stage_code r = grbl_realtime(s, GRBL_STATUS_QUERY, e);
-        if (r == STAGE_OK) r = grbl_take(s, &m, WANT_STATUS, now_s() + query_s, "waiting for the stage to hold", e);
+        if (r == STAGE_OK)
+            r = grbl_take(s, &m, WANT_STATUS, now_s() + query_s, "waiting for the stage to hold", e);
         if (r == STAGE_INTERRUPTED) { /* asked twice: at once, whatever becomes of the position */
             signals_acknowledge();
             return STAGE_OK;
@@ -339,8 +344,8 @@ static stage_code until_it_stands(stage *s, errmsg *e)
         if (r != STAGE_OK) return r;
         int at = grbl_machine_position(s, xy, &m), same = at && xy[0] == before[0] && xy[1] == before[1];
         if (at) memcpy(before, xy, sizeof before);
-        if (m.state == GRBL_HELD || m.state == GRBL_IDLE || m.state == GRBL_ALARMED || m.state == GRBL_CHECK ||
-            m.state == GRBL_SLEEP)
+        if (m.state == GRBL_HELD || m.state == GRBL_IDLE || m.state == GRBL_ALARMED ||
+            m.state == GRBL_CHECK || m.state == GRBL_SLEEP)
             return STAGE_OK;
         /* builds that give no sub-state, and doors: standing still is what counts */
         if (same && (m.state == GRBL_HOLDING || m.state == GRBL_DOOR)) return STAGE_OK;
@@ -359,7 +364,8 @@ stage_code grbl_halt(stage *s, errmsg *e)
         r = grbl_realtime(s, GRBL_HOLD, e);
         if (r == STAGE_OK) r = until_it_stands(s, e);
     }
-    if (r != STAGE_OK && r != STAGE_REFUSED) return r; /* refused: an alarm has come; it is reset all the same */
+    if (r != STAGE_OK && r != STAGE_REFUSED)
+        return r; /* refused: an alarm has come; it is reset all the same */
     r = grbl_soft_reset(s, &m, e);
     if (r == STAGE_INTERRUPTED) {
         signals_acknowledge();

@@ -5,6 +5,8 @@
 #ifndef GRBL_TALK_H
 #define GRBL_TALK_H
 
+#include <stdint.h>
+
 #include "grbl_proto.h"
 #include "linebuf.h"
 #include "stage.h"
@@ -22,13 +24,15 @@ typedef struct grbl {
     char text[LINE_MAX_BYTES + 1]; /* the line that the last message points into */
     char asked[LINE_MAX_BYTES];    /* last command, for messages */
     int inches, is_hal, home_switch, home_direction, origin_at_home, soft_limits, hard_limits, keep_on;
-    double seek, locate, debounce_ms, pull_off, travel[3], rate[3]; /* $25 $24 $26 $27 $13x $11x; 0 = unknown */
+    double seek, locate, debounce_ms, pull_off, travel[3],
+        rate[3];                /* $25 $24 $26 $27 $13x $11x; 0 = unknown */
     int need_reset, resettable; /* in a critical alarm; from when on a reset is not thrown away */
     double alarm_time;
-    int alarm;       /* number of the last one since the last reset; 0 = none */
-    int homing;      /* deaf to hold and query: only a reset stops it */
-    int tells_modes; /* $G is answered by [GC:...]: the way to know that all lines before it are done */
-    int lost;        /* answers that never came, though it was there */
+    int alarm;             /* number of the last one since the last reset; 0 = none */
+    uint64_t settings_sum; /* FNV-1a of the lines of settings since it was set */
+    int homing;            /* deaf to hold and query: only a reset stops it */
+    int tells_modes;       /* $G is answered by [GC:...]: the way to know that all lines before it are done */
+    int lost;              /* answers that never came, though it was there */
     double offset[GRBL_AXES]; /* WCO, mm */
     int has_offset;
     double last[2]; /* last reported or commanded machine position, mm */
@@ -40,7 +44,8 @@ stage_code grbl_take(stage *s, grbl_message *m, int want, double deadline, const
 stage_code grbl_send(stage *s, const char *line, const char *doing, errmsg *e); /* and note it for messages */
 stage_code grbl_realtime(stage *s, char byte, errmsg *e);
 /* One line, its one answer.  If that does not come, a status query tells why: nobody there, a state in which
- * no line is worked off, or an answer lost on the line; then it goes on once the line is surely worked off. */
+ * no line is worked off, or an answer lost on the line; then it goes on once the line is surely worked off.
+ */
 stage_code grbl_command(stage *s, const char *line, double timeout_s, const char *doing, errmsg *e);
 /* Ask for a status, for three seconds at four a second, and take the first with a position. */
 stage_code grbl_query(stage *s, grbl_message *m, double xy[2], errmsg *e);

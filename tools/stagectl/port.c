@@ -29,8 +29,8 @@ struct port {
 static const struct {
     int baud;
     speed_t speed;
-} speeds[] = {{9600, B9600},   {19200, B19200},   {38400, B38400},
-              {57600, B57600}, {115200, B115200}, {230400, B230400}, {460800, B460800}, {500000, B500000},
+} speeds[] = {{9600, B9600},     {19200, B19200},     {38400, B38400},    {57600, B57600},
+              {115200, B115200}, {230400, B230400},   {460800, B460800},  {500000, B500000},
               {921600, B921600}, {1000000, B1000000}, {2000000, B2000000}};
 
 static int set_raw(port *p, const char *path, int baud, errmsg *warning, errmsg *e)
@@ -95,7 +95,8 @@ static int dial(port *p, const char *path, errmsg *e)
         at++;
         n -= 2;
     }
-    if (!colon || n == 0 || n >= sizeof host || !colon[1] || strspn(colon + 1, "0123456789") != strlen(colon + 1))
+    if (!colon || n == 0 || n >= sizeof host || !colon[1] ||
+        strspn(colon + 1, "0123456789") != strlen(colon + 1))
         return err_set(e, "%s: expected tcp:HOST:PORT", path);
     memcpy(host, at, n);
     host[n] = 0;
@@ -129,7 +130,8 @@ int port_open(port **out, const char *path, int baud, errmsg *warning, errmsg *e
     if (p->fd < 0) {
         int why = errno;
         err_errno(e, "%s", path);
-        if (why == EBUSY && port_holder(who, sizeof who, path)) err_set(e, "%s: the port is in use by another program: %s", path, who);
+        if (why == EBUSY && port_holder(who, sizeof who, path))
+            err_set(e, "%s: the port is in use by another program: %s", path, who);
         free(p);
         return -1;
     }
@@ -137,7 +139,8 @@ int port_open(port **out, const char *path, int baud, errmsg *warning, errmsg *e
     if (fstat(p->fd, &st) != 0 || !S_ISCHR(st.st_mode) || tcgetattr(p->fd, &p->before) != 0)
         bad = err_set(e, "%s: expected a serial port", path);
     else if (flock(p->fd, LOCK_EX | LOCK_NB) != 0)
-        bad = err_set(e, "%s: the port is in use by another program%s%s", path, port_holder(who, sizeof who, path) ? ": " : "", who);
+        bad = err_set(e, "%s: the port is in use by another program%s%s", path,
+                      port_holder(who, sizeof who, path) ? ": " : "", who);
     else if (ioctl(p->fd, TIOCEXCL) != 0) /* keeps out those who don't lock */
         bad = err_errno(e, "%s: exclusive use", path);
     if (bad) {
@@ -225,7 +228,8 @@ port_result port_receive(port *p, void *bytes, size_t room, size_t *got, double 
         /* With VMIN = 0 no bytes may mean just that; hung up is what poll calls so.  EIO and
          * ENXIO say it themselves. */
         struct pollfd f = {.fd = p->fd, .events = POLLIN};
-        if (n == 0 && !p->is_socket && poll(&f, 1, 0) >= 0 && !(f.revents & (POLLHUP | POLLERR | POLLNVAL))) continue;
+        if (n == 0 && !p->is_socket && poll(&f, 1, 0) >= 0 && !(f.revents & (POLLHUP | POLLERR | POLLNVAL)))
+            continue;
         if (n == 0 || (errno != EINTR && errno != EAGAIN)) return PORT_GONE;
     }
 }

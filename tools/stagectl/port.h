@@ -1,5 +1,6 @@
 /*
- * port.h - a serial line, or a connection to a controller on the network, with deadlines, for one program at a time.
+ * port.h - a serial line, or a connection to a controller on the network, with deadlines, for one program at
+ * a time.
  *
  * Bytes in, bytes out; what they mean is the driver's.  Every wait has a deadline (deadline.h) and
  * ends early for an interrupt (signals.h).
@@ -21,8 +22,9 @@ typedef enum port_result {
 } port_result;
 
 /* path: a serial port, or tcp:HOST:PORT ([HOST] for IPv6) for controllers on the network, which has no speed.
- * A serial port is exclusive (flock, then TIOCEXCL: root may pass the latter), raw, 8N1, no modem lines, no HUPCL.  What the
- * line can't do (a pty has no baud rate) comes back as words in *warning, else it is empty. */
+ * A serial port is exclusive (flock, then TIOCEXCL: root may pass the latter), raw, 8N1, no modem lines, no
+ * HUPCL.  What the line can't do (a pty has no baud rate) comes back as words in *warning, else it is empty.
+ */
 int port_open(port **p, const char *path, int baud, errmsg *warning, errmsg *e);
 
 /* Drop DTR and RTS.  -1 with words where the line has none. */

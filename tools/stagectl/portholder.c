@@ -51,8 +51,9 @@ static long lock_owner(const struct stat *file)
     FILE *f = fopen("/proc/locks", "r");
     if (!f) return 0;
     while (!found && fgets(line, sizeof line, f))
-        if (sscanf(line, "%*s %*s %*s %*s %ld %x:%x:%lu", &pid, &major_no, &minor_no, &inode) == 4 && pid > 0 &&
-            inode == (unsigned long)file->st_ino && major_no == major(file->st_dev) && minor_no == minor(file->st_dev))
+        if (sscanf(line, "%*s %*s %*s %*s %ld %x:%x:%lu", &pid, &major_no, &minor_no, &inode) == 4 &&
+            pid > 0 && inode == (unsigned long)file->st_ino && major_no == major(file->st_dev) &&
+            minor_no == minor(file->st_dev))
             found = pid;
     fclose(f);
     return found;

@@ -126,6 +126,7 @@ static int check(const session *s, errmsg *e)
         return err_set(e, "[stage] driver: expected grbl or c4, found '%s'", s->driver);
     if (!s->folder[0]) return err_set(e, "[output] folder: expected a name");
     if (stage_homing_check(s->homing, e) != 0) return -1;
+    if (s->check_home > 0 && !s->home) return err_set(e, "[stage] check_home: expected home = yes with it");
     for (int a = 0; a < 2; a++)
         if ((s->travel[2 * a] != 0 || s->travel[2 * a + 1] != 0) &&
             !(s->travel[2 * a] < s->travel[2 * a + 1]))

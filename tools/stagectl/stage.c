@@ -41,7 +41,8 @@ stage_code stage_open(stage *s, const stage_driver *d, const char *path, errmsg 
     memset(&s->facts, 0, sizeof s->facts);
     s->facts.motors_rest_ms = -1;
     if (port_open(&s->port, path, s->baud > 0 ? s->baud : d->baud, &warning, e) != 0) return STAGE_FAILED;
-    if (s->dtr_off && port_drop_dtr(s->port, path, &warning) != 0 && s->note) s->note(warning.text), warning.text[0] = 0;
+    if (s->dtr_off && port_drop_dtr(s->port, path, &warning) != 0 && s->note)
+        s->note(warning.text), warning.text[0] = 0;
     if (warning.text[0] && s->note) s->note(warning.text);
     stage_code r = d->connect(s, e);
     if (r != STAGE_OK) stage_close(s);
@@ -59,7 +60,8 @@ int motors_words(char *out, size_t room, const stage_facts *f)
 {
     if (f->motors_rest_ms < 0 || f->motors_rest_ms == 255) return 0;
     return snprintf(out, room,
-                    "stage: $1=%d: %d ms after each move the motors lose their current, and the stage is free to drift while "
+                    "stage: $1=%d: %d ms after each move the motors lose their current, and the stage is "
+                    "free to drift while "
                     "the camera exposes; $1=255 keeps them on",
                     f->motors_rest_ms, f->motors_rest_ms) > 0;
 }

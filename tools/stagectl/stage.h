@@ -36,7 +36,7 @@ typedef struct stage stage;
 
 typedef struct stage_driver {
     const char *name, *about;
-    int baud; /* unless the user says otherwise */
+    int baud;                                   /* unless the user says otherwise */
     stage_code (*connect)(stage *s, errmsg *e); /* identify, read settings; moves nothing */
     stage_code (*home)(stage *s, errmsg *e);
     /* Through n points to the last, then stand still for settle_s.  Confirmed by the controller. */
@@ -63,11 +63,11 @@ struct stage {
     int locked;         /* in alarm: moves are refused until it is homed or unlocked */
     int restarted;      /* it started up when the port was opened: where it stands is unknown to it */
     /* The user's wishes, set before stage_open: */
-    double home_timeout_s; /* 0 = what the controller's settings say that it can take */
-    const char *homing;    /* commands that home it; NULL or "" = $H */
-    int baud;              /* 0 = the driver's */
-    int dtr_off;           /* drop DTR and RTS once the port is open */
-    int look_only;         /* reset nothing: only read what it is (it must stand) */
+    double home_timeout_s;           /* 0 = what the controller's settings say that it can take */
+    const char *homing;              /* commands that home it; NULL or "" = $H */
+    int baud;                        /* 0 = the driver's */
+    int dtr_off;                     /* drop DTR and RTS once the port is open */
+    int look_only;                   /* reset nothing: only read what it is (it must stand) */
     void (*note)(const char *words); /* told of what the user may like to know; may be NULL */
     void *state;                     /* the driver's own */
     /* What the user states because the controller can't: steps_per_mm[2], 0 = not stated. */

@@ -31,14 +31,17 @@ static int take_pair(const char *value, void *arg, errmsg *e)
 }
 
 static const cli_opt opts[] = {
-    {"port", 0, CLI_STRING, &o.port, NULL, "DEV", "serial port of the stage, or tcp:HOST:PORT; wins over the session's"},
+    {"port", 0, CLI_STRING, &o.port, NULL, "DEV",
+     "serial port of the stage, or tcp:HOST:PORT; wins over the session's"},
     {"driver", 0, CLI_STRING, &o.driver, NULL, "NAME",
      "grbl (default): GRBL 1.1 and grblHAL; c4: Arrick MD-2 through its C4\n"
      "controller, inferred and unverified on hardware.  Sessions name their own"},
     {"feed", 0, CLI_DOUBLE, &o.feed, NULL, "F", "move: speed, mm/min (1500)"},
     {"settle", 0, CLI_DOUBLE, &o.settle, NULL, "S", "move: rest at the end, s (0.1)"},
-    {"home-timeout", 0, CLI_DOUBLE, &o.home_timeout, NULL, "S", "home: longest time, s (0: what the controller's settings say)"},
-    {"homing", 0, CLI_STRING, &o.homing, NULL, "WORDS", "home: the commands, for firmware that homes single axes: '$HX $HY' ($H)"},
+    {"home-timeout", 0, CLI_DOUBLE, &o.home_timeout, NULL, "S",
+     "home: longest time, s (0: what the controller's settings say)"},
+    {"homing", 0, CLI_STRING, &o.homing, NULL, "WORDS",
+     "home: the commands, for firmware that homes single axes: '$HX $HY' ($H)"},
     {"baud", 0, CLI_INT, &o.baud, NULL, "N", "speed of the serial line (115200; c4 9600)"},
     {"dtr", 0, CLI_STRING, &o.dtr, NULL, "off", "drop DTR and RTS once the port is open (on)"},
     {"steps-per-mm", 0, CLI_CALL, o.steps_per_mm, take_pair, "X,Y", "c4: steps per mm (7.874016 direct)"},
@@ -93,7 +96,8 @@ static _Noreturn void end_stage(stage *s, stage_code c, const errmsg *e)
     errmsg why;
     if (c == STAGE_INTERRUPTED) signals_acknowledge();
     /* whatever ended it, it does not go on moving */
-    if (s->port && c != STAGE_GONE && (s->under_way || c == STAGE_INTERRUPTED) && s->driver->halt(s, &why) != STAGE_OK)
+    if (s->port && c != STAGE_GONE && (s->under_way || c == STAGE_INTERRUPTED) &&
+        s->driver->halt(s, &why) != STAGE_OK)
         cli_warn("%s", why.text);
     stage_close(s);
     cli_fail(exit_code(c), "%s", e->text);
@@ -160,14 +164,18 @@ static int do_move(const char *x, const char *y)
     open_stage(&s);
     for (int a = 0; a < 2; a++)
         if (s.facts.has_travel && !(to[a] >= s.facts.lo[a] && to[a] <= s.facts.hi[a])) {
-            err_set(&e, "move: expected %c from %g to %g mm%s, found %g", "xy"[a], s.facts.lo[a], s.facts.hi[a],
-                    s.facts.margin_mm > 0 ? " (the switch is an alarm: $21, $27)" : "", to[a]);
+            err_set(&e, "move: expected %c from %g to %g mm%s, found %g", "xy"[a], s.facts.lo[a],
+                    s.facts.hi[a], s.facts.margin_mm > 0 ? " (the switch is an alarm: $21, $27)" : "", to[a]);
             end_stage(&s, STAGE_FAILED, &e);
         }
     if (!s.position_known) {
-        err_set(&e, s.locked ? s.facts.can_home ? "stage: in alarm: home it first, or 'stagectl unlock' if it stands where it says"
-                                                : "stage: in alarm, and homing is switched off ($22=0): 'stagectl unlock' is the way out"
-                             : "stage: its position is not known, home it first");
+        err_set(&e,
+                s.locked
+                    ? s.facts.can_home
+                          ? "stage: in alarm: home it first, or 'stagectl unlock' if it stands where it says"
+                          : "stage: in alarm, and homing is switched off ($22=0): 'stagectl unlock' is the "
+                            "way out"
+                    : "stage: its position is not known, home it first");
         end_stage(&s, STAGE_REFUSED, &e);
     }
     const double path[1][2] = {{to[0], to[1]}};
@@ -202,7 +210,9 @@ static int do_status(int where_only)
         if (f->has_travel)
             printf("travel      x %g to %g, y %g to %g mm%s\n", f->lo[0], f->hi[0], f->lo[1], f->hi[1],
                    f->margin_mm > 0 ? " (without $27 at the switches: $21=1)" : "");
-        if (f->motors_rest_ms >= 0) printf("motors      %s\n", f->motors_rest_ms == 255 ? "stay on" : "without current while the stage stands");
+        if (f->motors_rest_ms >= 0)
+            printf("motors      %s\n",
+                   f->motors_rest_ms == 255 ? "stay on" : "without current while the stage stands");
         if (motors_words(words, sizeof words, f)) cli_warn("%s", words);
     }
     stage_close(&s);
@@ -347,6 +357,7 @@ static int do_capture(const char *path)
         cli_note(s.adaptive ? "%ld places, %ld exposures on disk (%ld taken now, %ld left out as not needed)"
                             : "%ld places, %ld exposures on disk (%ld taken now)",
                  r.now.places_done, journal_shots(j), r.shots_taken, r.shots_left_out);
+    if (r.in_doubt) cli_warn("%ld places are in doubt: check_home has found lost steps (see above)", r.in_doubt);
     journal_close(j);
     if (c != STAGE_OK) cli_fail(exit_code(c), "%s", e.text);
     session_free(&s);
@@ -406,7 +417,8 @@ int main(int argc, char **argv)
     else if (!strcmp(what, "keys") && n == 1)
         code = show_keys();
     if (code < 0 && n == 0)
-        cli_fail(CLI_USAGE, "expected a command: home, move, where, status, unlock, plan, capture, verify, keys");
+        cli_fail(CLI_USAGE,
+                 "expected a command: home, move, where, status, unlock, plan, capture, verify, keys");
     if (code < 0)
         cli_fail(CLI_USAGE, "expected a command with its arguments, found '%s' with %d", what, n - 1);
     return cli_end(code);

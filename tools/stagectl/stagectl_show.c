@@ -41,8 +41,8 @@ double free_bytes(const char *folder)
     return (double)v.f_bavail * (double)v.f_frsize;
 }
 
-/* What a controller that is there says of itself; it is not reset, nor disturbed when it is at work.  No port,
- * or nobody there: 0 with words. */
+/* What a controller that is there says of itself; it is not reset, nor disturbed when it is at work.  No
+ * port, or nobody there: 0 with words. */
 static int ask_controller(stage_facts *f, const session *s, const char *device, errmsg *e)
 {
     stage st = {.home_timeout_s = s->home_timeout, .baud = s->baud, .dtr_off = !s->dtr, .look_only = 1};
@@ -63,9 +63,11 @@ static void print_travel(const session *s, const stage_facts *f, const char *pat
     int stated = lo[0] < hi[0] || lo[1] < hi[1];
     errmsg e;
     if (f->has_travel && plan_check_travel(s, f->lo, f->hi, &e) != 0)
-        cli_fail(CLI_FAILED, "%s: %s%s", path, e.text, f->margin_mm > 0 ? " ($27 off the switch: with $21=1 it is an alarm)" : "");
+        cli_fail(CLI_FAILED, "%s: %s%s", path, e.text,
+                 f->margin_mm > 0 ? " ($27 off the switch: with $21=1 it is an alarm)" : "");
     if (stated && plan_check_travel(s, lo, hi, &e) != 0) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
-    printf("travel      %s\n", stated || f->has_travel ? "all points inside" : "not checked: [stage] travel is not given");
+    printf("travel      %s\n",
+           stated || f->has_travel ? "all points inside" : "not checked: [stage] travel is not given");
 }
 
 int show_plan(const char *path, const char *device)
@@ -96,8 +98,8 @@ int show_plan(const char *path, const char *device)
     if (room >= 0) printf(" of %.1f MB free%s", room / 1e6, room < t.bytes ? ": NOT ENOUGH" : "");
     printf("\n");
     if (there) {
-        printf("controller  %s: at most %g and %g mm/min, %g and %g mm/s2\n", f.ident, f.max_feed[0], f.max_feed[1],
-               f.acceleration[0], f.acceleration[1]);
+        printf("controller  %s: at most %g and %g mm/min, %g and %g mm/s2\n", f.ident, f.max_feed[0],
+               f.max_feed[1], f.acceleration[0], f.acceleration[1]);
         char motors[300];
         if (motors_words(motors, sizeof motors, &f)) cli_warn("%s", motors);
     } else

@@ -135,7 +135,8 @@ static double wall_time(const vgrbl *g)
         vmove_position(xy, &g->move, mid);
         for (int a = 0; a < 2; a++) {
             double t = xy[a] + g->shift[a];
-            int low = g->set.home_direction >> a & 1; /* the homing switch itself; a buffer at the other end */
+            int low =
+                g->set.home_direction >> a & 1; /* the homing switch itself; a buffer at the other end */
             out |= t >= (low ? 0.5 : -1e-9) || t <= -g->set.travel[a] - (low ? -1e-9 : 0.5);
         }
         if (!pass && !out) return INFINITY;
@@ -294,7 +295,8 @@ static int switches(const vgrbl *g)
 
 static void status(vgrbl *g)
 {
-    static const char *const names[] = {"Idle", "Run", "Hold:1", "Hold:0", "Home", "Alarm", "Door:0", "Sleep", "Check"};
+    static const char *const names[] = {"Idle",  "Run",    "Hold:1", "Hold:0", "Home",
+                                        "Alarm", "Door:0", "Sleep",  "Check"};
     double xy[2], shift[2], speed, unit = g->set.inches ? 1 / 25.4 : 1;
     int decimals = g->set.inches ? 4 : 3, every = g->set.skip_status > 1 ? g->set.skip_status : 1;
     if (g->state == V_HOME || g->critical || g->queries++ % every != 0) return;

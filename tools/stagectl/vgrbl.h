@@ -14,7 +14,17 @@
 
 enum { VGRBL_PLANNER = 15, VGRBL_RX = 127, VGRBL_OUT = 8192 };
 
-typedef enum vgrbl_state { V_IDLE, V_RUN, V_HOLD, V_HELD, V_HOME, V_ALARM, V_DOOR, V_SLEEP, V_CHECK } vgrbl_state;
+typedef enum vgrbl_state {
+    V_IDLE,
+    V_RUN,
+    V_HOLD,
+    V_HELD,
+    V_HOME,
+    V_ALARM,
+    V_DOOR,
+    V_SLEEP,
+    V_CHECK
+} vgrbl_state;
 
 typedef enum vgrbl_fault {
     FAULT_NONE,
@@ -35,7 +45,8 @@ typedef enum vgrbl_fault {
 
 typedef struct vgrbl_settings {
     double steps_per_mm[2], max_rate[2] /* mm/min */, acceleration[2] /* mm/s2 */, travel[2] /* mm */;
-    int idle_delay /* $1, ms */, z_first /* $H looks for a Z that isn't there */, single_axis /* takes $HX, $HY */;
+    int idle_delay /* $1, ms */, z_first /* $H looks for a Z that isn't there */,
+        single_axis /* takes $HX, $HY */;
     int inches, work_positions, homing, soft_limits, hard_limits, home_direction, hal;
     double home_rate;    /* mm/min */
     double offset[2];    /* G54, mm */

@@ -229,8 +229,7 @@ void vgrbl_line(vgrbl *g, char *line)
         bad = 0;
     else
         bad = g->state == V_ALARM ? 9 : run(g, line);
-    if (bad == 0)
-        vgrbl_say(g, g->garble ? "o\x7f{\r\n" : "ok\r\n");
+    if (bad == 0) vgrbl_say(g, g->garble ? "o\x7f{\r\n" : "ok\r\n");
     g->garble = 0;
     if (bad <= 0) return;
     vgrbl_say(g, "error:%d\r\n", bad);
@@ -239,7 +238,8 @@ void vgrbl_line(vgrbl *g, char *line)
 /* Lines wait while a command is under way whose answer is due first. */
 void vgrbl_lines(vgrbl *g)
 {
-    while (!g->waiting && !g->critical && g->state != V_HELD && g->state != V_HOLD && g->state != V_DOOR && g->state != V_SLEEP) {
+    while (!g->waiting && !g->critical && g->state != V_HELD && g->state != V_HOLD && g->state != V_DOOR &&
+           g->state != V_SLEEP) {
         size_t n = 0;
         while (n < g->rx_n && g->rx[n] != '\n' && g->rx[n] != '\r') n++;
         if (n == g->rx_n) {
