@@ -164,10 +164,10 @@ def test_prefix_may_be_relative_and_installing_twice_is_the_same(tmp_path):
 
 # ---- make env ------------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize("before", [None, "", ".:/home/me/my lib:/usr/local/lib/ray", "/one"])
+@pytest.mark.parametrize("before", [None, "", ".:/opt/my lib:/usr/local/lib/ray", "/one"])
 def test_env_keeps_what_the_shell_had(before):
     """PATH, RAYPATH, MANPATH: ours in front, the user's behind; what Radiance has by default where there was none."""
-    env = environment(MAKEFLAGS="", MAKELEVEL="", PATH="/home/me/a b:/usr/bin:/bin")
+    env = environment(MAKEFLAGS="", MAKELEVEL="", PATH="/opt/a b:/usr/bin:/bin")
     for name in ("RAYPATH", "MANPATH"):
         env.pop(name, None)
         if before is not None:
@@ -178,6 +178,6 @@ def test_env_keeps_what_the_shell_had(before):
         p = subprocess.run([sh, "-euc", 'eval "$LINE"; printf "%s\\n" "$PATH" "$RAYPATH" "$MANPATH"'], env=dict(env, LINE=line), capture_output=True, text=True)
         assert p.returncode == 0, p.stderr
         path, ray, man = p.stdout.splitlines()
-        assert path.startswith(f"{BUILD}/bin:") and path.endswith(":/home/me/a b:/usr/bin:/bin")
+        assert path.startswith(f"{BUILD}/bin:") and path.endswith(":/opt/a b:/usr/bin:/bin")
         assert ray == f".:{TOP}/build/lib:{before or '/usr/local/lib/ray'}"
         assert man == f"{TOP}/build/man:{before or ''}"                 # an empty part is the system's default
