@@ -100,6 +100,29 @@ def test_an_ok_too_many_does_not_end_homing(fake):
     assert time.monotonic() - began[0] >= 1
 
 
+@pytest.mark.parametrize("what", ["answer", "command"])
+def test_a_lost_answer_to_homing_is_not_taken_for_homing(fake, what):
+    """Idle without an ok: the answer was lost, or the command.  It is done again; what the stage did not do is not said."""
+    g = fake()
+    g.at = [-77.0, -66.0]
+    seen = []
+
+    def answer(line):
+        if line != "$H":
+            return None
+        seen.append(line)
+        if len(seen) == 1:
+            if what == "answer":
+                g.at = [-1.0, -1.0]
+            return "o~\r\n"
+        return None
+    g.answer = answer
+    r = run("stagectl", "--port", g.port, "home")
+    assert r.text == "-1.000 -1.000\n" and len(seen) == 2 and "homing again" in r.err
+    g.answer = lambda line: "o~\r\n" if line == "$H" else None
+    assert "twice" in run("stagectl", "--port", g.port, "home", code=4).err
+
+
 @pytest.mark.parametrize("fault", ["stray@1", "garble@1"])
 def test_answers_lost_and_answers_too_many(tmp_path, fault):
     with Stage(tmp_path, "--fault", fault, factor=20) as stage:

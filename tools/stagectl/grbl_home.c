@@ -40,16 +40,17 @@ static double longest(const stage *s, const char *command)
     return 1.25 * t + 10;
 }
 
-/* $H, $HX ...: over when a status says Idle after its ok, and for some time.  An ok alone proves nothing, and
- * if it is lost, Idle a while after the beginning does: homing answers no query, or says Home. */
-static stage_code home_command(stage *s, const char *command, errmsg *e)
+/* One homing command: over when a status says Idle after its ok, and for some time.  An ok alone proves
+ * nothing: homing answers no query, or says Home.  *lost: Idle or Alarm a while after the beginning without
+ * an ok, so its answer got lost, or the command did. */
+static stage_code home_once(stage *s, const char *command, int *lost, errmsg *e)
 {
-    grbl *g = s->state;
     grbl_message m;
     char line[40];
     double needs = longest(s, command), limit = s->home_timeout_s > 0 ? s->home_timeout_s : needs;
     double start = now_s(), ask = start + ask_s;
     int answered = 0, idle = 0, alarmed = 0;
+    *lost = 0;
     snprintf(line, sizeof line, "%s\n", command);
     stage_code r = grbl_send(s, line, "homing", e);
     while (r == STAGE_OK) {
@@ -59,35 +60,59 @@ static stage_code home_command(stage *s, const char *command, errmsg *e)
             if (!answered++) ask = now + 0.1;
         } else if (r == STAGE_OK) {
             idle = m.state == GRBL_IDLE ? idle + 1 : 0;
-            if (idle) ask = fmin(ask, now + 0.1);
             alarmed = m.state == GRBL_ALARMED ? alarmed + 1 : 0;
-            if (idle >= (answered ? 2 : 3)) return STAGE_OK;
+            if (idle || alarmed) ask = fmin(ask, now + 0.1);
+            *lost = !answered && (idle >= 3 || alarmed >= 3);
+            if (*lost || (answered && idle >= 2)) return STAGE_OK;
             if (m.state != GRBL_ALARMED || alarmed >= 3) r = grbl_stuck(s, &m, "homing", e);
         } else if (r == STAGE_SILENT && now < start + limit) {
             r = grbl_realtime(s, GRBL_STATUS_QUERY, e);
             ask = now + ask_s;
         }
     }
-    if (r == STAGE_SILENT) {
+    if (r == STAGE_SILENT && limit < needs)
+        err_set(e, "stage: homing is not done after %.0f s; by $130, $131, $24 and $25 it may take %.0f s",
+                limit, needs);
+    else if (r == STAGE_SILENT)
         err_set(e, "stage: homing is not done after %.0f s", limit);
-        if (limit < needs)
-            err_set(e,
-                    "stage: homing is not done after %.0f s; by $130, $131, $24 and $25 it may take %.0f s",
-                    limit, needs);
-    }
-    /* What stock firmware does to a stage of two axes. */
+    return r;
+}
+
+/* What stock firmware does to a stage of two axes. */
+static void hint_at(const char *command, int alarm, errmsg *e)
+{
     const char *hint = NULL;
-    if (r == STAGE_REFUSED && (g->alarm == 8 || g->alarm == 9) && !command[2])
-        hint = "; stock GRBL homes Z first, which a stage of two axes has not: build it with HOMING_CYCLE_0 "
-               "for X and Y alone, "
-               "or, where it homes single axes (HOMING_SINGLE_AXIS_COMMANDS, grblHAL), set homing = $HX $HY";
-    else if (r == STAGE_REFUSED && command[2] && !g->alarm)
-        hint = "; this firmware homes no single axes (HOMING_SINGLE_AXIS_COMMANDS)";
-    if (hint) {
-        char words[sizeof e->text];
-        snprintf(words, sizeof words, "%s", e->text);
-        err_set(e, "%.600s%s", words, hint);
+    char words[sizeof e->text];
+    if ((alarm == 8 || alarm == 9) && !command[2])
+        hint =
+            "stock GRBL homes Z first, which a stage of two axes has not: build it with HOMING_CYCLE_0 for X "
+            "and Y alone, or, where it homes single axes (HOMING_SINGLE_AXIS_COMMANDS, grblHAL), set "
+            "homing = $HX $HY";
+    else if (command[2] && !alarm)
+        hint = "this firmware homes no single axes (HOMING_SINGLE_AXIS_COMMANDS)";
+    if (!hint) return;
+    snprintf(words, sizeof words, "%s", e->text);
+    err_set(e, "%.600s; %s", words, hint);
+}
+
+/* A lost answer may be a lost command: it is done again, since homing twice is homing. */
+static stage_code home_command(stage *s, const char *command, errmsg *e)
+{
+    grbl *g = s->state;
+    grbl_message m;
+    int lost;
+    stage_code r = home_once(s, command, &lost, e);
+    if (r == STAGE_OK && lost) {
+        if (s->note) s->note("stage: the answer to homing was lost on the line; homing again");
+        r = grbl_soft_reset(s, &m, e); /* and half a command with it */
+        s->under_way = g->homing = 1;
+        if (r == STAGE_OK) r = home_once(s, command, &lost, e);
+        if (r == STAGE_OK && lost) {
+            err_set(e, "stage: no answer to '%s', twice, though it is there", command);
+            r = STAGE_REFUSED;
+        }
     }
+    if (r == STAGE_REFUSED) hint_at(command, g->alarm, e);
     return r;
 }
 

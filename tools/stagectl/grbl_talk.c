@@ -347,6 +347,10 @@ static stage_code until_it_stands(stage *s, errmsg *e)
         if (m.state == GRBL_HELD || m.state == GRBL_IDLE || m.state == GRBL_ALARMED ||
             m.state == GRBL_CHECK || m.state == GRBL_SLEEP)
             return STAGE_OK;
+        if (m.state == GRBL_RUN || m.state == GRBL_JOG) { /* lost on the line */
+            r = grbl_realtime(s, GRBL_HOLD, e);
+            if (r != STAGE_OK) return r;
+        }
         /* builds that give no sub-state, and doors: standing still is what counts */
         if (same && (m.state == GRBL_HOLDING || m.state == GRBL_DOOR)) return STAGE_OK;
         struct timespec pause = {.tv_nsec = 200000000}; /* statuses at 5 Hz at most */

@@ -14,6 +14,7 @@
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -111,6 +112,12 @@ static int dial(port *p, const char *path, errmsg *e)
     return bad;
 }
 
+/* The far end of a pty (majors 136 to 143) is open in the program behind it. */
+static int is_pty(const struct stat *st)
+{
+    return major(st->st_rdev) >= 136 && major(st->st_rdev) <= 143;
+}
+
 int port_open(port **out, const char *path, int baud, errmsg *warning, errmsg *e)
 {
     port *p = calloc(1, sizeof *p);
@@ -141,6 +148,8 @@ int port_open(port **out, const char *path, int baud, errmsg *warning, errmsg *e
     else if (flock(p->fd, LOCK_EX | LOCK_NB) != 0)
         bad = err_set(e, "%s: the port is in use by another program%s%s", path,
                       port_holder(who, sizeof who, path) ? ": " : "", who);
+    else if (!is_pty(&st) && port_holder(who, sizeof who, path)) /* one that doesn't lock; root gets past TIOCEXCL */
+        bad = err_set(e, "%s: the port is in use by another program: %s", path, who);
     else if (ioctl(p->fd, TIOCEXCL) != 0) /* keeps out those who don't lock */
         bad = err_errno(e, "%s: exclusive use", path);
     if (bad) {

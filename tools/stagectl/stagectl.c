@@ -357,7 +357,8 @@ static int do_capture(const char *path)
         cli_note(s.adaptive ? "%ld places, %ld exposures on disk (%ld taken now, %ld left out as not needed)"
                             : "%ld places, %ld exposures on disk (%ld taken now)",
                  r.now.places_done, journal_shots(j), r.shots_taken, r.shots_left_out);
-    if (r.in_doubt) cli_warn("%ld places are in doubt: check_home has found lost steps (see above)", r.in_doubt);
+    if (r.in_doubt)
+        cli_warn("%ld places are in doubt: check_home has found lost steps (see above)", r.in_doubt);
     journal_close(j);
     if (c != STAGE_OK) cli_fail(exit_code(c), "%s", e.text);
     session_free(&s);
