@@ -1,5 +1,5 @@
 /*
- * circles.h - OpenCV's part in finding circles: smaller copies, and first guesses.  Pure.
+ * circles.h - OpenCV's part in finding circles: smaller and softer copies, and first guesses.  Pure.
  */
 #ifndef VISION_CIRCLES_H
 #define VISION_CIRCLES_H
@@ -13,6 +13,9 @@ typedef struct vision_circle {
 /* out (ow x oh, the caller's): g (w x h) as a smaller copy, every pixel the mean over its area (cv::resize, INTER_AREA).
  * 0 < ow <= w, 0 < oh <= h.  -1: words in e. */
 int vision_reduce(float *out, int ow, int oh, const float *g, int w, int h, errmsg *e);
+
+/* g (w x h) blurred in place by a Gaussian of sd pixels; its edge goes on outside.  -1: words in e. */
+int vision_soften(float *g, int w, int h, double sd, errmsg *e);
 
 /* Guesses at circles with radii r0..r1 in g (w x h, any scale of brightness), up to `room` of them, best first: Hough's transform with
  * gradients (cv::HoughCircles, both methods) over several thresholds.  Seeds: what they are worth is for the caller to judge.

@@ -18,6 +18,7 @@
 #define MIDDLES 8     /* circles about the picture's middle */
 #define EDGE 0.02f    /* log units per pixel: below, a gradient is noise */
 #define MIDDLE 640    /* pixels, longer side of the level that the edges vote on */
+#define HOUGH_SIDE 320 /* of the one that OpenCV sees: its time grows with the area and the longest radius; small circles are voted for */
 #define PAD 0.35      /* of the radius: how far outside of the picture a centre may lie */
 
 typedef struct seedlist {
@@ -130,7 +131,7 @@ static int voted(seedlist out[BANDS], const rim_level *l, int at, circle_kind ki
 static int hough(seedlist *out, const rim_level *l, int at, circle_kind kind, double r0, double r1, errmsg *e)
 {
     vision_circle c[HOUGH];
-    int n = vision_circles(c, HOUGH, l->g, l->w, l->h, fmax(r0, 3), r1, e);
+    int n = vision_circles(c, HOUGH, l->g, l->w, l->h, fmax(r0, 4), r1, e);
     for (int k = 0; k < n; k++) keep(out, &(circle_seed){{c[k].x, c[k].y, c[k].r}, at, rim_score(l, kind, c[k].x, c[k].y, c[k].r), 0}, 2);
     return n < 0 ? -1 : 0;
 }
@@ -181,7 +182,11 @@ int circle_seeds(circle_seed *s, int room, const rim_pyramid *p, circle_kind kin
     all_circles(&list[BANDS], p, kind, r0, r1);
     if (voted(list, l, mid, kind, r0 / k, r1 / k)) return err_set(e, "out of memory");
     if (free_radius) middle_circles(&list[LISTS - 1], l, mid, kind, r1 / k);
-    if (free_radius && hough(&list[BANDS + 1], l, mid, kind, r0 / k, fmin(r1 / k, 0.6 * fmax(l->w, l->h)), e)) return -1;
+    int low = mid;
+    while (low + 1 < p->n && fmax(p->level[low].w, p->level[low].h) > HOUGH_SIDE) low++;
+    const rim_level *small = &p->level[low];
+    double ks = small->kx / p->level[0].kx;
+    if (free_radius && hough(&list[BANDS + 1], small, low, kind, r0 / ks, fmin(r1 / ks, 0.6 * fmax(small->w, small->h)), e)) return -1;
     for (int i = 0; i < LISTS; i++)
         for (int q = 0; q < list[i].n; q++) {
             circle_seed c = list[i].s[q];

@@ -16,6 +16,7 @@
 #define FAINT 0.03f /* log units per pixel: gradients well above count in full */
 #define MOST_RAYS 360
 #define STEPS 61    /* radii tried on a ray */
+#define SMALL 100.0 /* pixels of radius: below, half a pixel is too much to be off */
 
 static double cosines[ANGLES], sines[ANGLES]; /* set with the first pyramid */
 
@@ -79,15 +80,31 @@ void rim_pyramid_free(rim_pyramid *p)
     p->n = 0;
 }
 
-static float radial(float *strength, const rim_level *l, circle_kind kind, double px, double py, double co, double si)
+static inline float radial(float *strength, const rim_level *l, circle_kind kind, double px, double py, double co, double si)
 {
-    int i = (int)floor(px), j = (int)floor(py);
-    if (i < 1 || j < 1 || i >= l->w - 1 || j >= l->h - 1) return NAN;
+    if (!(px >= 1 && py >= 1 && px < l->w - 1 && py < l->h - 1)) return NAN;
+    int i = (int)px, j = (int)py;
     size_t at = (size_t)j * (size_t)l->w + (size_t)i;
     float gx = l->gx[at], gy = l->gy[at];
     float d = gx * (float)co + gy * (float)si, all = gx * gx + gy * gy, t = (2 * d * d - all) / (all + FAINT * FAINT);
     if (strength) *strength = fabsf(d);
     return kind == CIRCLE_LENS && d > 0 ? -fabsf(t) : t;
+}
+
+/* The same with the gradient interpolated: a pixel matters on a small circle. */
+static float radial_between(float *strength, const rim_level *l, circle_kind kind, double px, double py, double co, double si)
+{
+    double x = px - 0.5, y = py - 0.5;
+    if (!(x >= 1 && y >= 1 && x < l->w - 2 && y < l->h - 2)) return NAN;
+    int i = (int)x, j = (int)y;
+    float u = (float)(x - i), v = (float)(y - j);
+    size_t at = (size_t)j * (size_t)l->w + (size_t)i, w = (size_t)l->w;
+    float a = (1 - u) * (1 - v), b = u * (1 - v), c = (1 - u) * v, d = u * v;
+    float gx = a * l->gx[at] + b * l->gx[at + 1] + c * l->gx[at + w] + d * l->gx[at + w + 1];
+    float gy = a * l->gy[at] + b * l->gy[at + 1] + c * l->gy[at + w] + d * l->gy[at + w + 1];
+    float along = gx * (float)co + gy * (float)si, all = gx * gx + gy * gy, t = (2 * along * along - all) / (all + FAINT * FAINT);
+    *strength = fabsf(along);
+    return kind == CIRCLE_LENS && along > 0 ? -fabsf(t) : t;
 }
 
 double rim_score(const rim_level *l, circle_kind kind, double x, double y, double r)
@@ -139,8 +156,8 @@ static void unwrap(unwrapped *u, const rim_level *l, circle_kind kind, const dou
         u->co[k] = co, u->si[k] = si;
         for (int q = 0; q < STEPS; q++) {
             double r = u->r0 + q * u->dr;
-            float strength = 0, t = radial(&strength, l, kind, c[0] + r * co, c[1] + r * si, co, si);
-            u->v[k][q] = isnan(t) ? -1 : fmaxf(t, 0) * (0.5f + fminf(strength, 0.3f) / 0.6f);
+            float strength = 0, t = (c[2] < SMALL ? radial_between : radial)(&strength, l, kind, c[0] + r * co, c[1] + r * si, co, si);
+            u->v[k][q] = isnan(t) ? -1 : fmaxf(t, 0) * (0.5f + 0.6f * strength / (strength + 0.1f));
         }
     }
 }
@@ -236,8 +253,8 @@ static int fit_path(double c[3], const unwrapped *u, int free_radius)
 float rim_grey(const rim_level *l, double x, double y)
 {
     x -= 0.5, y -= 0.5;
-    int i = (int)floor(x), j = (int)floor(y);
-    if (i < 0 || j < 0 || i + 1 >= l->w || j + 1 >= l->h) return NAN;
+    if (!(x >= 0 && y >= 0 && x < l->w - 1 && y < l->h - 1)) return NAN;
+    int i = (int)x, j = (int)y;
     float u = (float)(x - i), v = (float)(y - j);
     const float *p = l->g + (size_t)j * (size_t)l->w + (size_t)i;
     return (1 - v) * ((1 - u) * p[0] + u * p[1]) + v * ((1 - u) * p[l->w] + u * p[l->w + 1]);
