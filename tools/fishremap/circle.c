@@ -17,16 +17,19 @@
 #define LOOKS 3
 #define LARGE 1100     /* pixels, longer side of the copies; the second one is SMALLER times that or the picture's own */
 #define SMALLER 0.72
-#define LEAST_R 14     /* pixels: the second copy does not make a small circle smaller than this, if .85 of the size is enough */
-#define SOFT 60        /* radii: standard deviation of the third copy's blur */
-#define AGREE 0.02     /* of the radius: between the looks */
+#define LEAST_R 110    /* pixels: the second copy does not make a circle smaller than this, if .85 of the size is enough */
+#define SOFT 90        /* radii: standard deviation of the third copy's blur */
 
 /* What is not refused; measured on photographs with bench/circles/evaluate.py */
+#define AGREE 0.02        /* of the radius: between the first two looks, and what a part of a pixel is: that much no edge is sure of */
+#define PART 0.33
+#define SURE 0.75         /* share of the rim that is seen: with less, the fit is looser than the looks tell, and they must agree better */
+#define AGREE_SOFT 0.03   /* blur moves a rim that has reflections beside it */
 #define LEAST_STRENGTH 0.45
 #define LEAST_MARGIN 0.1  /* over another circle */
 #define LEAST_SEEN 0.4    /* of the circumference in the picture */
 #define MOST_OUTSIDE 0.22 /* rings around it: it lies inside of something round */
-#define MOST_NESTED 0.52  /* rings within it: it lies around something round */
+#define MOST_NESTED 0.55  /* rings within it: it lies around something round */
 
 static const char by_hand[] = "say where it is: --centre X,Y --radius R (--corners X,Y,R for a sphere)";
 
@@ -51,9 +54,10 @@ float *circle_grey(const float *pix, int w, int h)
         g[i] = p[3] >= 0.5f && s > 0 && s - s == 0 ? s : 0;
         if (i % step == 0 && g[i] > 0) some[k++] = g[i];
     }
-    /* a floor at a tenth of the usual brightness keeps the noise of black surroundings quiet */
+    /* A floor keeps the noise of black surroundings quiet: at a tenth of the usual brightness, or where that is near to the least steps
+     * of 8 bits, as 1/2000 of the bright parts is, up to the usual brightness itself. */
     qsort(some, k, sizeof *some, by_value);
-    float floor_ = k ? 0.1f * some[k / 2] : 1;
+    float usual = k ? some[k / 2] : 1, bright = k ? some[k - 1 - k / 1000] : 1, floor_ = fmaxf(0.1f * usual, fminf(usual, 0.0005f * bright));
     free(some);
     for (size_t i = 0; i < n; i++) g[i] = logf(g[i] + floor_);
     return g;
@@ -86,23 +90,19 @@ static int look_again(circle_look *o, const float *grey, int w, int h, double sc
 static int more_looks(circle_look o[LOOKS], const float *grey, int w, int h, circle_kind kind, double radius, errmsg *e)
 {
     double longer = w > h ? w : h, r = o[0].f.r, scale = SMALLER * fmin(1, LARGE / longer), soft = fmin(1, 0.85 * LARGE / longer);
-    if (scale * r < LEAST_R) scale = fmin(1, fmax(scale, fmin(LEAST_R / r, 0.85)));
+    if (scale * r < LEAST_R) scale = fmax(scale, fmin(LEAST_R / r, 0.85) * fmin(1, LARGE / longer));
     if (look_again(&o[1], grey, w, h, scale, 0, kind, radius, e)) return -1;
     return look_again(&o[2], grey, w, h, soft, fmin(4, fmax(0.8, soft * r / SOFT)), kind, radius, e);
 }
 
-/* How far the looks lie apart, share of the radius; 9 where one found nothing. */
-static double apart(const circle_look o[LOOKS])
+/* How far two looks lie apart, share of the radius. */
+static double between(const circle_look *a, const circle_look *b)
 {
-    double most = 0;
-    for (int k = 1; k < LOOKS; k++) {
-        double d = fmax(hypot(o[k].f.x - o[0].f.x, o[k].f.y - o[0].f.y), fabs(o[k].f.r - o[0].f.r)) / o[0].f.r;
-        most = fmax(most, o[k].any ? fmin(d, 9) : 9);
-    }
-    return most;
+    if (!b->any) return 9;
+    return fmin(9, fmax(hypot(b->f.x - a->f.x, b->f.y - a->f.y), fabs(b->f.r - a->f.r)) / a->f.r);
 }
 
-/* Why a circle is not believed; NULL if it is. */
+/* Why a circle is not believed that was looked at once; NULL if it is. */
 static const char *doubt(const circle_look *o)
 {
     if (o->f.strength < LEAST_STRENGTH * o->by_chance) return "too faint";
@@ -111,6 +111,19 @@ static const char *doubt(const circle_look *o)
     if (o->outside > MOST_OUTSIDE) return "something round around it";
     if (o->nested > MOST_NESTED) return "nothing but rings within it";
     return NULL;
+}
+
+/* The same after all looks; o[0].f.apart and .margin become what they all say. */
+static const char *doubt_again(circle_look o[LOOKS])
+{
+    circle_found *f = &o[0].f;
+    double soft = between(&o[0], &o[2]), sure = fmin(1, f->share / SURE);
+    f->apart = between(&o[0], &o[1]) + PART / f->r;
+    f->margin = (f->margin + o[1].f.margin + o[2].f.margin) / 3;
+    if (f->apart > AGREE * pow(sure, 4)) return "elsewhere in a smaller copy";
+    if (soft > AGREE_SOFT) return "elsewhere in a softer copy";
+    f->apart = fmax(f->apart, soft);
+    return f->margin < LEAST_MARGIN ? "others show as well" : NULL;
 }
 
 int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kind, double radius, errmsg *e)
@@ -126,8 +139,7 @@ int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kin
     free(grey);
     if (failed) return -1;
     if (!o[0].any) return err_set(e, "expected a circle that stands out, found none; %s", by_hand);
-    if (!why) o[0].f.apart = apart(o);
-    if (!why && o[0].f.apart > AGREE) why = "another one in a smaller or softer copy";
+    if (!why) why = doubt_again(o);
     *f = o[0].f;
     if (!why) return 0;
     return err_set(e, "expected a circle that stands out, found at best one at %.1f,%.1f radius %.1f (%s; %.0f %% of its rim seen, strength %.2f, margin %.2f); %s",

@@ -3,8 +3,8 @@
  *
  * The circle wanted is the one along which the logarithm of the picture changes in the radial direction, over as much of its
  * visible circumference as possible (rim.h).  Guesses come from several sources (circleseed.h) on copies of one size, so that the
- * picture's own matters little; each is traced and weighed; the best is refused where it is not clearly a rim, or not clearly
- * better than another circle.
+ * picture's own matters little; each is traced and weighed, the best is kept (circlelook.h).  It is refused where it is faint, not
+ * clearly better than another circle, nested in or around another one, or elsewhere in a smaller or a softer copy.
  */
 #ifndef CIRCLE_H
 #define CIRCLE_H
@@ -23,7 +23,7 @@ typedef struct circle_found {
     double seen;      /* of the circumference: what lies in the picture */
     double contrast;  /* across the rim, median, log (base e) units */
     double strength;  /* 0..1: how much of what is visible is a rim, less what is like one outside of it */
-    double apart;     /* how far the same circle in a smaller and in a softer copy of the picture lies off, share of the radius */
+    double apart;     /* share of the radius: how far it lies off in a smaller and in a softer copy, and a quarter of a pixel */
     double margin;    /* 0..1: by how much the next best other circle is worse */
 } circle_found;
 
