@@ -1,9 +1,9 @@
 /*
  * circle.c - search of a circle in a picture (circle.h).
  *
- * The picture is searched three times: as it is; mirrored and smaller; mirrored and softer.  None of these moves a rim that is
- * there, while what looks like one by chance, or because of where the pixels lie, changes: a circle on which the three don't agree
- * is refused, however strong.
+ * The picture is searched three times: as it is; mirrored and smaller; mirrored and softer.  None of these
+ * moves a rim that is there, while what looks like one by chance, or because of where the pixels lie,
+ * changes: a circle on which the three don't agree is refused, however strong.
  */
 #include "circle.h"
 
@@ -15,21 +15,28 @@
 #include "vision/circles.h"
 
 #define LOOKS 3
-#define LARGE 1100     /* pixels, longer side of the copies; the second one is SMALLER times that or the picture's own */
+#define LARGE                                                                                                \
+    1100 /* pixels, longer side of the copies; the second one is SMALLER times that or the picture's own */
 #define SMALLER 0.72
-#define LEAST_R 110    /* pixels: the second copy does not make a circle smaller than this, if .85 of the size is enough */
-#define SOFT 90        /* radii: standard deviation of the third copy's blur */
+#define LEAST_R                                                                                              \
+    110 /* pixels: the second copy does not make a circle smaller than this, if .85 of the size is enough */
+#define SOFT 90 /* radii: standard deviation of the third copy's blur */
 
 /* What is not refused; measured on photographs with bench/circles/evaluate.py */
-#define AGREE 0.02        /* of the radius: between the first two looks, and what a part of a pixel is: that much no edge is sure of */
+#define AGREE                                                                                                \
+    0.02 /* of the radius: between the first two looks, and what a part of a pixel is: that much no edge is  \
+            sure of */
 #define PART 0.33
-#define SURE 0.75         /* share of the rim that is seen: with less, the fit is looser than the looks tell, and they must agree better */
-#define AGREE_SOFT 0.03   /* blur moves a rim that has reflections beside it */
+#define SURE                                                                                                 \
+    0.75 /* share of the rim that is seen: with less, the fit is looser than the looks tell, and they must   \
+            agree better */
+#define AGREE_SOFT     0.03 /* blur moves a rim that has reflections beside it */
 #define LEAST_STRENGTH 0.45
-#define LEAST_MARGIN 0.1  /* over another circle */
-#define LEAST_SEEN 0.4    /* of the circumference in the picture */
-#define MOST_OUTSIDE 0.22 /* rings around it: it lies inside of something round */
-#define MOST_NESTED 0.55  /* rings within it: it lies around something round */
+#define LEAST_MARGIN   0.1  /* over another circle */
+#define LEAST_SEEN     0.4  /* of the circumference in the picture */
+#define MOST_OUTSIDE   0.22 /* rings around it: it lies inside of something round */
+#define MOST_WITHIN    0.75 /* a circle within it: a mirror in a flange, a plate, a wheel */
+#define MOST_NESTED    0.55 /* rings within it: it lies around something round */
 
 static const char by_hand[] = "say where it is: --centre X,Y --radius R (--corners X,Y,R for a sphere)";
 
@@ -54,10 +61,12 @@ float *circle_grey(const float *pix, int w, int h)
         g[i] = p[3] >= 0.5f && s > 0 && s - s == 0 ? s : 0;
         if (i % step == 0 && g[i] > 0) some[k++] = g[i];
     }
-    /* A floor keeps the noise of black surroundings quiet: at a tenth of the usual brightness, or where that is near to the least steps
-     * of 8 bits, as 1/2000 of the bright parts is, up to the usual brightness itself. */
+    /* A floor keeps the noise of black surroundings quiet: at a tenth of the usual brightness, or where that
+     * is near to the least steps of 8 bits, as 1/2000 of the bright parts is, up to the usual brightness
+     * itself. */
     qsort(some, k, sizeof *some, by_value);
-    float usual = k ? some[k / 2] : 1, bright = k ? some[k - 1 - k / 1000] : 1, floor_ = fmaxf(0.1f * usual, fminf(usual, 0.0005f * bright));
+    float usual = k ? some[k / 2] : 1, bright = k ? some[k - 1 - k / 1000] : 1,
+          floor_ = fmaxf(0.1f * usual, fminf(usual, 0.0005f * bright));
     free(some);
     for (size_t i = 0; i < n; i++) g[i] = logf(g[i] + floor_);
     return g;
@@ -72,8 +81,10 @@ static void mirror(float *g, int w, int h)
         }
 }
 
-/* The same search of a mirrored copy, `scale` as large, blurred by sd (pixels of it; 0: not); o in pixels of the picture. */
-static int look_again(circle_look *o, const float *grey, int w, int h, double scale, double sd, circle_kind kind, double radius, errmsg *e)
+/* The same search of a mirrored copy, `scale` as large, blurred by sd (pixels of it; 0: not); o in pixels of
+ * the picture. */
+static int look_again(circle_look *o, const float *grey, int w, int h, double scale, double sd,
+                      circle_kind kind, double radius, errmsg *e)
 {
     int cw = (int)fmax(16, rint(w * scale)), ch = (int)fmax(16, rint(h * scale));
     double kx = (double)w / cw, ky = (double)h / ch;
@@ -87,9 +98,11 @@ static int look_again(circle_look *o, const float *grey, int w, int h, double sc
     return failed ? -1 : 0;
 }
 
-static int more_looks(circle_look o[LOOKS], const float *grey, int w, int h, circle_kind kind, double radius, errmsg *e)
+static int more_looks(circle_look o[LOOKS], const float *grey, int w, int h, circle_kind kind, double radius,
+                      errmsg *e)
 {
-    double longer = w > h ? w : h, r = o[0].f.r, scale = SMALLER * fmin(1, LARGE / longer), soft = fmin(1, 0.85 * LARGE / longer);
+    double longer = w > h ? w : h, r = o[0].f.r, scale = SMALLER * fmin(1, LARGE / longer),
+           soft = fmin(1, 0.85 * LARGE / longer);
     if (scale * r < LEAST_R) scale = fmax(scale, fmin(LEAST_R / r, 0.85) * fmin(1, LARGE / longer));
     if (look_again(&o[1], grey, w, h, scale, 0, kind, radius, e)) return -1;
     return look_again(&o[2], grey, w, h, soft, fmin(4, fmax(0.8, soft * r / SOFT)), kind, radius, e);
@@ -110,6 +123,7 @@ static const char *doubt(const circle_look *o)
     if (o->f.seen < LEAST_SEEN) return "too much of it outside of the picture";
     if (o->outside > MOST_OUTSIDE) return "something round around it";
     if (o->nested > MOST_NESTED) return "nothing but rings within it";
+    if (o->within > MOST_WITHIN) return "another circle within it, about the same centre";
     return NULL;
 }
 
@@ -130,7 +144,9 @@ int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kin
 {
     circle_look o[LOOKS] = {0};
     const char *why = NULL;
-    if (w < 16 || h < 16) return err_set(e, "expected a picture of at least 16 x 16 pixels to find a circle in, found %d x %d", w, h);
+    if (w < 16 || h < 16)
+        return err_set(e, "expected a picture of at least 16 x 16 pixels to find a circle in, found %d x %d",
+                       w, h);
     float *grey = circle_grey(pix, w, h);
     if (!grey) return err_set(e, "out of memory");
     int failed = circle_look_at(&o[0], grey, w, h, kind, radius, e);
@@ -142,6 +158,8 @@ int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kin
     if (!why) why = doubt_again(o);
     *f = o[0].f;
     if (!why) return 0;
-    return err_set(e, "expected a circle that stands out, found at best one at %.1f,%.1f radius %.1f (%s; %.0f %% of its rim seen, strength %.2f, margin %.2f); %s",
+    return err_set(e,
+                   "expected a circle that stands out, found at best one at %.1f,%.1f radius %.1f (%s; %.0f "
+                   "%% of its rim seen, strength %.2f, margin %.2f); %s",
                    f->x, f->y, f->r, why, 100 * f->share, f->strength, f->margin, by_hand);
 }
