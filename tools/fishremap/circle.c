@@ -14,23 +14,19 @@
 #include "circlelook.h"
 #include "vision/circles.h"
 
-#define LOOKS 3
-#define LARGE                                                                                                \
-    1100 /* pixels, longer side of the copies; the second one is SMALLER times that or the picture's own */
-#define SMALLER 0.72
-#define LEAST_R                                                                                              \
-    110 /* pixels: the second copy does not make a circle smaller than this, if .85 of the size is enough */
-#define SOFT 90 /* radii: standard deviation of the third copy's blur */
+#define LOOKS   3
+#define LARGE   1100 /* pixels, longer side of the copies at most; the second one is SMALLER times that, */
+#define SMALLER 0.72 /* or the picture's own, */
+#define LEAST_R 110  /* pixels: but does not make a circle smaller than this, if .85 of the size is enough */
+#define SOFT    90   /* radii: standard deviation of the third copy's blur */
 
-/* What is not refused; measured on photographs with bench/circles/evaluate.py */
-#define AGREE                                                                                                \
-    0.02 /* of the radius: between the first two looks, and what a part of a pixel is: that much no edge is  \
-            sure of */
-#define PART 0.33
-#define SURE                                                                                                 \
-    0.75 /* share of the rim that is seen: with less, the fit is looser than the looks tell, and they must   \
-            agree better */
-#define AGREE_SOFT     0.03 /* blur moves a rim that has reflections beside it */
+/* What is not refused; measured on photographs with bench/circles/evaluate.py.  AGREE, share of the radius:
+ * between the first two looks, with the part of a pixel that no edge is sure of.  SURE, share of the rim that
+ * is seen: with less, the fit is looser than the looks tell, and they must agree better.  Blur moves a rim
+ * that has reflections beside it: hence AGREE_SOFT. */
+#define AGREE          0.02
+#define AGREE_SOFT     0.03
+#define SURE           0.75
 #define LEAST_STRENGTH 0.45
 #define LEAST_MARGIN   0.1  /* over another circle */
 #define LEAST_SEEN     0.4  /* of the circumference in the picture */
@@ -127,14 +123,23 @@ static const char *doubt(const circle_look *o)
     return NULL;
 }
 
+/* What an edge may be off without any look telling, pixels: a quarter where it is clear all around.  Where it
+ * isn't, a ball's outermost pixel, which holds half of the room, can pass for its rim. */
+static double part_of_a_pixel(const circle_found *f)
+{
+    return fmin(0.8, 0.25 + 12 * (1 - f->share / f->seen));
+}
+
 /* The same after all looks; o[0].f.apart and .margin become what they all say. */
 static const char *doubt_again(circle_look o[LOOKS])
 {
     circle_found *f = &o[0].f;
     double soft = between(&o[0], &o[2]), sure = fmin(1, f->share / SURE);
-    f->apart = between(&o[0], &o[1]) + PART / f->r;
+    double part = part_of_a_pixel(f) / f->r, most = AGREE * pow(sure, 4);
+    f->apart = between(&o[0], &o[1]) + part;
     f->margin = (f->margin + o[1].f.margin + o[2].f.margin) / 3;
-    if (f->apart > AGREE * pow(sure, 4)) return "elsewhere in a smaller copy";
+    if (f->apart > most)
+        return f->apart - part > most / 2 ? "elsewhere in a smaller copy" : "too few pixels for its rim";
     if (soft > AGREE_SOFT) return "elsewhere in a softer copy";
     f->apart = fmax(f->apart, soft);
     return f->margin < LEAST_MARGIN ? "others show as well" : NULL;
