@@ -42,7 +42,9 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-float *circle_grey(const float *pix, int w, int h)
+/* steps: with a floor of up to the usual brightness where that is near to the least steps of 8 bits, as
+ * 1/2000 of the bright parts is. */
+static float *grey_of(const float *pix, int w, int h, int steps)
 {
     size_t n = (size_t)w * (size_t)h, step = n / 20000 + 1, k = 0;
     float *g = malloc(n * sizeof *g), *some = malloc((n / step + 1) * sizeof *some);
@@ -57,15 +59,18 @@ float *circle_grey(const float *pix, int w, int h)
         g[i] = p[3] >= 0.5f && s > 0 && s - s == 0 ? s : 0;
         if (i % step == 0 && g[i] > 0) some[k++] = g[i];
     }
-    /* A floor keeps the noise of black surroundings quiet: at a tenth of the usual brightness, or where that
-     * is near to the least steps of 8 bits, as 1/2000 of the bright parts is, up to the usual brightness
-     * itself. */
+    /* A floor at a tenth of the usual brightness keeps the noise of black surroundings quiet. */
     qsort(some, k, sizeof *some, by_value);
-    float usual = k ? some[k / 2] : 1, bright = k ? some[k - 1 - k / 1000] : 1,
-          floor_ = fmaxf(0.1f * usual, fminf(usual, 0.0005f * bright));
+    float usual = k ? some[k / 2] : 1, bright = k ? some[k - 1 - k / 1000] : 1, floor_ = 0.1f * usual;
+    if (steps) floor_ = fmaxf(floor_, fminf(usual, 0.0005f * bright));
     free(some);
     for (size_t i = 0; i < n; i++) g[i] = logf(g[i] + floor_);
     return g;
+}
+
+float *circle_grey(const float *pix, int w, int h)
+{
+    return grey_of(pix, w, h, 0);
 }
 
 static void mirror(float *g, int w, int h)
@@ -152,7 +157,7 @@ int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kin
     if (w < 16 || h < 16)
         return err_set(e, "expected a picture of at least 16 x 16 pixels to find a circle in, found %d x %d",
                        w, h);
-    float *grey = circle_grey(pix, w, h);
+    float *grey = grey_of(pix, w, h, 1);
     if (!grey) return err_set(e, "out of memory");
     int failed = circle_look_at(&o[0], grey, w, h, kind, radius, e);
     if (!failed && o[0].any) why = doubt(&o[0]);

@@ -24,7 +24,7 @@ typedef struct circle_found {
     double seen;     /* of the circumference: what lies in the picture */
     double contrast; /* across the rim, median, log (base e) units */
     double strength; /* 0..1: how much of what is visible is a rim, less what is like one outside of it */
-    double apart; /* share of the radius: how far it lies off in a smaller and in a softer copy, and a quarter
+    double apart; /* share of the radius: how far it lies off in a smaller and in a softer copy, and a part
                      of a pixel */
     double margin; /* 0..1: by how much the next best other circle is worse */
 } circle_found;
