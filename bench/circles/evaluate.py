@@ -1,6 +1,6 @@
 """How often fishremap --centre auto is right, refuses, or is silently wrong, over photographs whose circles are known.
 
-    python bench/circles/evaluate.py LIST.json [--build build] [--only NAME] [--jobs 2] [--verbose] [--keep FOLDER]
+    python bench/circles/evaluate.py LIST.json [--build build] [--only NAME] [--quick] [--jobs 2] [--verbose] [--keep FOLDER]
 
 LIST.json names photographs (none are kept here), relative to itself:
 
@@ -53,6 +53,12 @@ def variants(im, circle):
         yield f"blur{sd}", base.filter(ImageFilter.GaussianBlur(sd)), c, 92
     for quality in (60, 75, 95):
         yield f"jpeg{quality}", base, c, quality
+    soft, c2 = scaled(min(longest, 900))   # cut off the middle, softened, and coded coarsely
+    w2, h2 = soft.size
+    x0, y0, x1, y1 = round(.05 * w2), round(.02 * h2), w2, round(.97 * h2)
+    if c2:
+        x0, y0, y1 = max(0, min(x0, int(c2[0] - .9 * c2[2]))), max(0, min(y0, int(c2[1] - .9 * c2[2]))), min(h2, max(y1, int(c2[1] + .9 * c2[2] + 1)))
+    yield "cut", soft.crop((x0, y0, x1, y1)).filter(ImageFilter.GaussianBlur(1.3)), c2 and [c2[0] - x0, c2[1] - y0, c2[2]], 80
     yield "mirror", ImageOps.mirror(base), c and [w - c[0], c[1], c[2]], None
     yield "dim", base.point(lambda v: v * .5), c, None
 
@@ -76,10 +82,13 @@ def main():
     a.add_argument("--build", default=str(TOP / "build"))
     a.add_argument("--only", default="")
     a.add_argument("--variants", help="only these, separated by commas (600, crop_l, blur2, jpeg60, ...)")
+    a.add_argument("--quick", action="store_true", help="four variants: 500, 800, 1200 pixels, and cut and softened")
     a.add_argument("--jobs", type=int, default=2)
     a.add_argument("--verbose", action="store_true")
     a.add_argument("--keep", help="where the variants are, or are put, to be used again")
     a = a.parse_args()
+    if a.quick:
+        a.variants = "500,800,1200,cut"
     program = str(Path(a.build) / "bin" / "fishremap")
     entries = [e for e in json.loads(Path(a.list).read_text()) if a.only in e["file"]]
     scratch = tempfile.TemporaryDirectory()

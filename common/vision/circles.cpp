@@ -1,4 +1,4 @@
-// circles.cpp - smaller copies and Hough's circles (circles.h).
+// circles.cpp - smaller and softer copies, and Hough's circles (circles.h).
 #include "guard.hpp"
 
 #include <algorithm>
@@ -32,6 +32,15 @@ int vision_reduce(float *out, int ow, int oh, const float *g, int w, int h, errm
     return vision::guarded(e, "smaller copy", [&] {
         cv::Mat from(h, w, CV_32F, const_cast<float *>(g)), to(oh, ow, CV_32F, out);
         cv::resize(from, to, to.size(), 0, 0, cv::INTER_AREA);
+        return 0;
+    });
+}
+
+int vision_soften(float *g, int w, int h, double sd, errmsg *e)
+{
+    return vision::guarded(e, "softer copy", [&] {
+        cv::Mat m(h, w, CV_32F, g);
+        cv::GaussianBlur(m, m, cv::Size(0, 0), sd, sd, cv::BORDER_REPLICATE);
         return 0;
     });
 }

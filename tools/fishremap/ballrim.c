@@ -8,10 +8,11 @@
 
 #define ANGLES 96
 
-/* How well a ball's rim shows at a circle: the mean over the rays of how much more the picture changes across it than beyond it (log
- * ratio, at most 2 either way), times the radius, as of two rims the outer one holds the inner as a reflection, and less
- * the more of it is outside the picture: there it says nothing.  b: half the width, in pixels, over which a change is seen; what
- * is beyond begins where the edge's own blur has ended. */
+/* How well a ball's rim shows at a circle: the mean over the rays of how much more the picture changes across
+ * it than beyond it (log ratio, at most 2 either way), times the radius, as of two rims the outer one holds
+ * the inner as a reflection, and less the more of it is outside the picture: there it says nothing.  b: half
+ * the width, in pixels, over which a change is seen; what is beyond begins where the edge's own blur has
+ * ended. */
 static double rim_votes(const rim_level *l, const double c[3], double b)
 {
     static double co[ANGLES], si[ANGLES];
@@ -19,12 +20,15 @@ static double rim_votes(const rim_level *l, const double c[3], double b)
     int seen = 0;
     from[3] = from[2] + 3 * b;
     if (co[0] == 0)
-        for (int k = 0; k < ANGLES; k++) co[k] = cos(2 * M_PI * k / ANGLES), si[k] = sin(2 * M_PI * k / ANGLES);
+        for (int k = 0; k < ANGLES; k++)
+            co[k] = cos(2 * M_PI * k / ANGLES), si[k] = sin(2 * M_PI * k / ANGLES);
     for (int k = 0; k < ANGLES; k++) {
         float v[4];
-        for (int i = 0; i < 4; i++) v[i] = rim_grey(l, c[0] + (c[2] + from[i]) * co[k], c[1] + (c[2] + from[i]) * si[k]);
+        for (int i = 0; i < 4; i++)
+            v[i] = rim_grey(l, c[0] + (c[2] + from[i]) * co[k], c[1] + (c[2] + from[i]) * si[k]);
         if (isnan(v[0]) || isnan(v[3])) continue;
-        sum += fmax(-2, fmin(2, log(((double)fabsf(v[1] - v[0]) + 0.02) / ((double)fabsf(v[3] - v[2]) / 1.5 + 0.02))));
+        sum += fmax(-2, fmin(2, log(((double)fabsf(v[1] - v[0]) + 0.02) /
+                                    ((double)fabsf(v[3] - v[2]) / 1.5 + 0.02))));
         seen++;
     }
     return seen < ANGLES / 4 ? 0 : sum / seen * c[2] * sqrt((double)seen / ANGLES);
@@ -42,7 +46,8 @@ static void climb_votes(double c[3], const rim_level *l)
                 double o[3] = {c[0], c[1], c[2]};
                 moved = 0;
                 for (int m = 0; m < 27; m++) {
-                    double t[3] = {o[0] + step * (m % 3 - 1), o[1] + step * (m / 3 % 3 - 1), o[2] + step * (m / 9 - 1)};
+                    double t[3] = {o[0] + step * (m % 3 - 1), o[1] + step * (m / 3 % 3 - 1),
+                                   o[2] + step * (m / 9 - 1)};
                     double v = rim_votes(l, t, b);
                     if (v > best) best = v, memcpy(c, t, sizeof t), moved = 1;
                 }
@@ -52,7 +57,8 @@ static void climb_votes(double c[3], const rim_level *l)
 
 int ball_cut_out(double c[3], int w, int h)
 {
-    double wide = fmax(fabs(w - 2 * c[2]), fabs(h - 2 * c[2])), off = fmax(fabs(w / 2. - c[0]), fabs(h / 2. - c[1]));
+    double wide = fmax(fabs(w - 2 * c[2]), fabs(h - 2 * c[2])),
+           off = fmax(fabs(w / 2. - c[0]), fabs(h / 2. - c[1]));
     if (!(wide < 0.03 * c[2] && off < 0.03 * c[2])) return 0;
     c[2] = fmin(c[2], (w < h ? w : h) / 2. - 0.5);
     c[0] = fmax(c[2] + 0.5, fmin(w - c[2] - 0.5, c[0])), c[1] = fmax(c[2] + 0.5, fmin(h - c[2] - 0.5, c[1]));
@@ -61,7 +67,8 @@ int ball_cut_out(double c[3], int w, int h)
 
 void ball_rim(double c[3], const rim_level *l)
 {
-    double t[3] = {c[0], c[1], c[2]}, step = fmax(c[2] / 130, 0.5), b = fmax(c[2] / 65, 0.5), best = 1.25 * rim_votes(l, c, b);
+    double t[3] = {c[0], c[1], c[2]}, step = fmax(c[2] / 130, 0.5), b = fmax(c[2] / 65, 0.5),
+           best = 1.25 * rim_votes(l, c, b);
     for (int r = -2; r <= 9; r++)
         for (int y = -9; y <= 9; y++)
             for (int x = -9; x <= 9; x++) {

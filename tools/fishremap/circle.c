@@ -1,5 +1,9 @@
 /*
  * circle.c - search of a circle in a picture (circle.h).
+ *
+ * The picture is searched three times: as it is; mirrored and smaller; mirrored and softer.  None of these
+ * moves a rim that is there, while what looks like one by chance, or because of where the pixels lie,
+ * changes: a circle on which the three don't agree is refused, however strong.
  */
 #include "circle.h"
 
@@ -7,19 +11,30 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "ballrim.h"
-#include "circleseed.h"
-#include "rim.h"
+#include "circlelook.h"
+#include "vision/circles.h"
 
-#define SIDE 2048   /* pixels, longer side of the largest working copy */
-#define SEEDS 120
-#define SMALLEST 0.03     /* radius, share of the shorter side */
-/* What is not refused; measured on photographs with bench/circles/evaluate.py */
-#define MOST_OUTSIDE 0.22 /* rings around it: it lies inside of something round */
-#define LEAST_SEEN 0.4    /* of the circumference in the picture */
-#define LEAST_SHARE 0.66  /* of what is in the picture: where an edge follows the circle; less leaves its place loose */
-#define LEAST_MARGIN 0.14 /* over another circle */
+#define LOOKS   3
+#define LARGE   1100 /* pixels, longer side of the copies at most; the second one is SMALLER times that, */
+#define SMALLER 0.72 /* or the picture's own, */
+#define LEAST_R 110  /* pixels: but does not make a circle smaller than this, if .85 of the size is enough */
+#define SOFT    90   /* radii: standard deviation of the third copy's blur */
 
+/* What is not refused; measured on photographs with bench/circles/evaluate.py.  AGREE, share of the radius:
+ * between the first two looks, with the part of a pixel that no edge is sure of.  SURE, share of the rim that
+ * is seen: with less, the fit is looser than the looks tell, and they must agree better.  Blur moves a rim
+ * that has reflections beside it: hence AGREE_SOFT. */
+#define AGREE          0.02
+#define AGREE_SOFT     0.03
+#define SURE           0.75
+#define LEAST_STRENGTH 0.45
+#define LEAST_MARGIN   0.1  /* over another circle */
+#define LEAST_SEEN     0.4  /* of the circumference in the picture */
+#define MOST_OUTSIDE   0.22 /* rings around it: it lies inside of something round */
+#define MOST_WITHIN    0.75 /* a circle within it: a mirror in a flange, a plate, a wheel */
+#define MOST_NESTED    0.55 /* rings within it: it lies around something round */
+
+static const char by_hand[] = "say where it is: --centre X,Y --radius R (--corners X,Y,R for a sphere)";
 
 static int by_value(const void *a, const void *b)
 {
@@ -27,7 +42,9 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-float *circle_grey(const float *pix, int w, int h)
+/* steps: with a floor of up to the usual brightness where that is near to the least steps of 8 bits, as
+ * 1/2000 of the bright parts is. */
+static float *grey_of(const float *pix, int w, int h, int steps)
 {
     size_t n = (size_t)w * (size_t)h, step = n / 20000 + 1, k = 0;
     float *g = malloc(n * sizeof *g), *some = malloc((n / step + 1) * sizeof *some);
@@ -42,141 +59,117 @@ float *circle_grey(const float *pix, int w, int h)
         g[i] = p[3] >= 0.5f && s > 0 && s - s == 0 ? s : 0;
         if (i % step == 0 && g[i] > 0) some[k++] = g[i];
     }
-    /* a floor at a tenth of the usual brightness keeps the noise of black surroundings quiet */
+    /* A floor at a tenth of the usual brightness keeps the noise of black surroundings quiet. */
     qsort(some, k, sizeof *some, by_value);
-    float floor_ = k ? 0.1f * some[k / 2] : 1;
+    float usual = k ? some[k / 2] : 1, bright = k ? some[k - 1 - k / 1000] : 1, floor_ = 0.1f * usual;
+    if (steps) floor_ = fmaxf(floor_, fminf(usual, 0.0005f * bright));
     free(some);
     for (size_t i = 0; i < n; i++) g[i] = logf(g[i] + floor_);
     return g;
 }
 
-
-/* The level on which a circle (pixels of level `at`) has a radius of up to 180 pixels; c becomes pixels of it. */
-static int fitting_level(double c[3], int at, const rim_pyramid *p)
+float *circle_grey(const float *pix, int w, int h)
 {
-    for (; at > 0 && c[2] <= 90; at--)
-        for (int k = 0; k < 3; k++) c[k] *= 2;
-    for (; at + 1 < p->n && c[2] > 180; at++)
-        for (int k = 0; k < 3; k++) c[k] /= 2;
-    return at;
+    return grey_of(pix, w, h, 0);
 }
 
-/* How sure an edge all around is a rim, 0..1: much of what is visible is an edge along the circle, and nothing of the kind goes on
- * outside of it (a reflection's circle inside of a ball has the rest of the ball around it, squeezed into rings). */
-static double strength(const rim_fit *t)
+static void mirror(float *g, int w, int h)
 {
-    return fmax(sqrt(t->share * fmax(t->along, 0)) - fmax(t->outside, 0), 0.001) * sqrt(t->seen);
-}
-
-/* A circle that has been looked at. */
-typedef struct judged {
-    rim_fit fit;
-    const rim_level *l;
-    double worth; /* strength; of two circles that show equally well the larger is meant, a little */
-} judged;
-
-static int same_circle(const judged *a, const judged *b)
-{
-    double dx = fabs(a->fit.x * a->l->kx - b->fit.x * b->l->kx), dy = fabs(a->fit.y * a->l->ky - b->fit.y * b->l->ky);
-    return fmax(fmax(dx, dy), fabs(a->fit.r * a->l->kx - b->fit.r * b->l->kx)) <= 0.05 * a->fit.r * a->l->kx;
-}
-
-/* The best of the seeds and, of those that are other circles, the worth of the second best (0: none).  1 if there is any. */
-static int choose(judged *best, double *second, const circle_seed *s, int n, const rim_pyramid *p, circle_kind kind, int free_radius)
-{
-    judged j[SEEDS];
-    int found = 0, top = 0;
-    for (int i = 0; i < n; i++) {
-        double c[3] = {s[i].c[0], s[i].c[1], s[i].c[2]};
-        judged *q = &j[found];
-        q->l = &p->level[fitting_level(c, s[i].at, p)];
-        if (rim_trace(&q->fit, q->l, kind, free_radius, c, 0.05)) continue;
-        q->worth = strength(&q->fit) * pow(q->fit.r * q->l->kx, 0.25);
-        if (q->worth > j[top].worth) top = found;
-        found++;
-    }
-    *second = 0;
-    for (int i = 0; i < found; i++)
-        if (!same_circle(&j[top], &j[i])) *second = fmax(*second, j[i].worth);
-    if (found) *best = j[top];
-    return found > 0;
-}
-
-/* Where the rim is, to a fraction of a pixel: its path on the finest level, where that agrees. */
-static void polish(double c[3], double *rms, const rim_level *l, const rim_level *fine, circle_kind kind, int free_radius)
-{
-    double k = l->kx / fine->kx, t[3] = {k * c[0], k * c[1], k * c[2]};
-    rim_fit f;
-    *rms *= c[2] * l->kx;
-    if (rim_trace(&f, fine, kind, free_radius, t, fmax(0.01, 2.5 / t[2])) || f.share < 0.5) f.r = 0;
-    if (f.r > 0 && hypot(f.x - t[0], f.y - t[1]) < 0.012 * t[2] && fabs(f.r - t[2]) < 0.012 * t[2]) {
-        t[0] = f.x, t[1] = f.y, t[2] = f.r;
-        *rms = f.rms * f.r * fine->kx;
-    }
-    c[0] = t[0] * fine->kx, c[1] = t[1] * fine->ky, c[2] = t[2] * (fine->kx + fine->ky) / 2;
-}
-
-/* A ball's rim is the outermost circle near the one found.  A clean one says itself where it is: its edges agree.  Where they don't,
- * as they are reflections' edges in part, or the ball is an oval by perspective, it is the votes that count, and who cuts a ball
- * out keeps it whole: then the frame bounds it. */
-static void settle(circle_found *f, const judged *best, const rim_level *fine, int w, int h, circle_kind kind, int free_radius)
-{
-    double c[3] = {best->fit.x, best->fit.y, best->fit.r}, rms = best->fit.rms;
-    int clean = 1;
-    if (kind == CIRCLE_BALL && free_radius) {
-        rim_fit own;
-        ball_rim(c, best->l);
-        int traced = !rim_trace(&own, best->l, kind, 1, c, 0.02);
-        /* a shadow or a table's edge can outvote the rim: then its path there is the worse one */
-        if (!traced || strength(&own) < strength(&best->fit) - 0.02) {
-            own = best->fit;
-            c[0] = own.x, c[1] = own.y, c[2] = own.r;
+    for (int y = 0; y < h; y++)
+        for (int i = 0, k = w - 1; i < k; i++, k--) {
+            float *row = g + (size_t)y * (size_t)w, t = row[i];
+            row[i] = row[k], row[k] = t;
         }
-        clean = own.share > 0.75 && own.rms < 0.0045;
-        if (clean) c[0] = own.x, c[1] = own.y, c[2] = own.r, rms = own.rms;
-    }
-    if (clean) {
-        polish(c, &rms, best->l, fine, kind, free_radius);
-    } else {
-        rms *= c[2] * best->l->kx;
-        c[0] *= best->l->kx, c[1] *= best->l->ky, c[2] *= best->l->kx;
-        ball_cut_out(c, w, h);
-    }
-    f->x = c[0], f->y = c[1], f->r = c[2], f->rms = rms;
 }
 
-/* The least strength of a rim that is believed.  Small circles are many, and some look like rims by chance. */
-static double least(const rim_fit *t)
+/* The same search of a mirrored copy, `scale` as large, blurred by sd (pixels of it; 0: not); o in pixels of
+ * the picture. */
+static int look_again(circle_look *o, const float *grey, int w, int h, double scale, double sd,
+                      circle_kind kind, double radius, errmsg *e)
 {
-    return 0.58 + 0.34 * fmax(0, 1 - t->r / 50);
+    int cw = (int)fmax(16, rint(w * scale)), ch = (int)fmax(16, rint(h * scale));
+    double kx = (double)w / cw, ky = (double)h / ch;
+    float *copy = malloc(sizeof(float) * (size_t)cw * (size_t)ch);
+    if (!copy) return err_set(e, "out of memory");
+    int failed = vision_reduce(copy, cw, ch, grey, w, h, e) || (sd > 0 && vision_soften(copy, cw, ch, sd, e));
+    mirror(copy, cw, ch);
+    failed = failed || circle_look_at(o, copy, cw, ch, kind, radius / kx, e);
+    free(copy);
+    o->f.x = w - o->f.x * kx, o->f.y *= ky, o->f.r *= (kx + ky) / 2;
+    return failed ? -1 : 0;
+}
+
+static int more_looks(circle_look o[LOOKS], const float *grey, int w, int h, circle_kind kind, double radius,
+                      errmsg *e)
+{
+    double longer = w > h ? w : h, r = o[0].f.r, scale = SMALLER * fmin(1, LARGE / longer),
+           soft = fmin(1, 0.85 * LARGE / longer);
+    if (scale * r < LEAST_R) scale = fmax(scale, fmin(LEAST_R / r, 0.85) * fmin(1, LARGE / longer));
+    if (look_again(&o[1], grey, w, h, scale, 0, kind, radius, e)) return -1;
+    return look_again(&o[2], grey, w, h, soft, fmin(4, fmax(0.8, soft * r / SOFT)), kind, radius, e);
+}
+
+/* How far two looks lie apart, share of the radius. */
+static double between(const circle_look *a, const circle_look *b)
+{
+    if (!b->any) return 9;
+    return fmin(9, fmax(hypot(b->f.x - a->f.x, b->f.y - a->f.y), fabs(b->f.r - a->f.r)) / a->f.r);
+}
+
+/* Why a circle is not believed that was looked at once; NULL if it is. */
+static const char *doubt(const circle_look *o)
+{
+    if (o->f.strength < LEAST_STRENGTH * o->by_chance) return "too faint";
+    if (o->f.margin < LEAST_MARGIN) return "others show as well";
+    if (o->f.seen < LEAST_SEEN) return "too much of it outside of the picture";
+    if (o->outside > MOST_OUTSIDE) return "something round around it";
+    if (o->nested > MOST_NESTED) return "nothing but rings within it";
+    if (o->within > MOST_WITHIN) return "another circle within it, about the same centre";
+    return NULL;
+}
+
+/* What an edge may be off without any look telling, pixels: a quarter where it is clear all around.  Where it
+ * isn't, a ball's outermost pixel, which holds half of the room, can pass for its rim. */
+static double part_of_a_pixel(const circle_found *f)
+{
+    return fmin(0.8, 0.25 + 12 * (1 - f->share / f->seen));
+}
+
+/* The same after all looks; o[0].f.apart and .margin become what they all say. */
+static const char *doubt_again(circle_look o[LOOKS])
+{
+    circle_found *f = &o[0].f;
+    double soft = between(&o[0], &o[2]), sure = fmin(1, f->share / SURE);
+    double part = part_of_a_pixel(f) / f->r, most = AGREE * pow(sure, 4);
+    f->apart = between(&o[0], &o[1]) + part;
+    f->margin = (f->margin + o[1].f.margin + o[2].f.margin) / 3;
+    if (f->apart > most)
+        return f->apart - part > most / 2 ? "elsewhere in a smaller copy" : "too few pixels for its rim";
+    if (soft > AGREE_SOFT) return "elsewhere in a softer copy";
+    f->apart = fmax(f->apart, soft);
+    return f->margin < LEAST_MARGIN ? "others show as well" : NULL;
 }
 
 int circle_find(circle_found *f, const float *pix, int w, int h, circle_kind kind, double radius, errmsg *e)
 {
-    rim_pyramid p;
-    circle_seed s[SEEDS];
-    judged best = {0};
-    double second = 0;
-    int free_radius = radius <= 0, n = -1, any = 0;
-    if (w < 16 || h < 16) return err_set(e, "expected a picture of at least 16 x 16 pixels to find a circle in, found %d x %d", w, h);
-    float *grey = circle_grey(pix, w, h);
+    circle_look o[LOOKS] = {0};
+    const char *why = NULL;
+    if (w < 16 || h < 16)
+        return err_set(e, "expected a picture of at least 16 x 16 pixels to find a circle in, found %d x %d",
+                       w, h);
+    float *grey = grey_of(pix, w, h, 1);
     if (!grey) return err_set(e, "out of memory");
-    int failed = rim_pyramid_new(&p, grey, w, h, SIDE, e);
+    int failed = circle_look_at(&o[0], grey, w, h, kind, radius, e);
+    if (!failed && o[0].any) why = doubt(&o[0]);
+    if (!failed && o[0].any && !why) failed = more_looks(o, grey, w, h, kind, radius, e);
     free(grey);
     if (failed) return -1;
-    double shorter = fmin(p.level[0].w, p.level[0].h), r0 = free_radius ? fmax(SMALLEST * shorter, 4) : radius / p.level[0].kx;
-    n = circle_seeds(s, SEEDS, &p, kind, r0, free_radius ? fmax(p.level[0].w, p.level[0].h) : r0, e);
-    if (n > 0) any = choose(&best, &second, s, n, &p, kind, free_radius);
-    if (any) {
-        const rim_fit *t = &best.fit;
-        f->seen = t->seen, f->share = t->share * t->seen, f->contrast = t->contrast;
-        f->strength = strength(t), f->margin = 1 - second / best.worth;
-        settle(f, &best, &p.level[0], w, h, kind, free_radius);
-    }
-    rim_pyramid_free(&p);
-    if (n < 0) return -1;
-    if (!any) return err_set(e, "expected a circle that stands out, found none; say where it is: --centre X,Y --radius R (--corners X,Y,R for a sphere)");
-    if (f->strength >= least(&best.fit) && best.fit.outside < MOST_OUTSIDE && best.fit.seen > LEAST_SEEN && best.fit.share > LEAST_SHARE && f->margin > LEAST_MARGIN) return 0;
-    return err_set(e, "expected a circle that stands out, found at best one at %.1f,%.1f radius %.1f (%.0f %% of its rim seen, strength %.2f, margin %.2f over the next); "
-                      "say where it is: --centre X,Y --radius R (--corners X,Y,R for a sphere)", f->x, f->y, f->r, 100 * f->share, f->strength, f->margin);
+    if (!o[0].any) return err_set(e, "expected a circle that stands out, found none; %s", by_hand);
+    if (!why) why = doubt_again(o);
+    *f = o[0].f;
+    if (!why) return 0;
+    return err_set(e,
+                   "expected a circle that stands out, found at best one at %.1f,%.1f radius %.1f (%s; %.0f "
+                   "%% of its rim seen, strength %.2f, margin %.2f); %s",
+                   f->x, f->y, f->r, why, 100 * f->share, f->strength, f->margin, by_hand);
 }

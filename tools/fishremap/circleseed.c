@@ -10,15 +10,20 @@
 
 #include "vision/circles.h"
 
-#define KEPT 40       /* of every circle on the smallest copy */
-#define VOTED 50      /* of the votes, for each of the BANDS of radii: small circles are many, and must not be crowded out by large ones */
-#define BANDS 3
-#define LISTS (BANDS + 3)
-#define HOUGH 24      /* of OpenCV's */
+#define KEPT 40 /* of every circle on the smallest copy */
+#define VOTED                                                                                                \
+    50 /* of the votes, for each of the BANDS of radii: small circles are many, and must not be crowded out  \
+          by large ones */
+#define BANDS   3
+#define LISTS   (BANDS + 3)
+#define HOUGH   24    /* of OpenCV's */
 #define MIDDLES 8     /* circles about the picture's middle */
-#define EDGE 0.02f    /* log units per pixel: below, a gradient is noise */
-#define MIDDLE 640    /* pixels, longer side of the level that the edges vote on */
-#define PAD 0.35      /* of the radius: how far outside of the picture a centre may lie */
+#define EDGE    0.02f /* log units per pixel: below, a gradient is noise */
+#define MIDDLE  640   /* pixels, longer side of the level that the edges vote on */
+#define HOUGH_SIDE                                                                                           \
+    320 /* of the one that OpenCV sees: its time grows with the area and the longest radius; small circles   \
+           are voted for */
+#define PAD 0.35 /* of the radius: how far outside of the picture a centre may lie */
 
 typedef struct seedlist {
     circle_seed *s;
@@ -31,14 +36,17 @@ static void keep(seedlist *l, const circle_seed *c, double apart)
     int worst = 0;
     for (int k = 0; k < l->n; k++) {
         const circle_seed *o = &l->s[k];
-        if (o->placed == c->placed && fabs(o->c[0] - c->c[0]) + fabs(o->c[1] - c->c[1]) + fabs(o->c[2] - c->c[2]) < apart) {
+        if (o->placed == c->placed &&
+            fabs(o->c[0] - c->c[0]) + fabs(o->c[1] - c->c[1]) + fabs(o->c[2] - c->c[2]) < apart) {
             if (c->score > o->score) l->s[k] = *c;
             return;
         }
         if (o->score < l->s[worst].score) worst = k;
     }
-    if (l->n < l->room) l->s[l->n++] = *c;
-    else if (c->score > l->s[worst].score) l->s[worst] = *c;
+    if (l->n < l->room)
+        l->s[l->n++] = *c;
+    else if (c->score > l->s[worst].score)
+        l->s[worst] = *c;
 }
 
 /* Every circle on the smallest copy. */
@@ -59,7 +67,10 @@ static void all_circles(seedlist *out, const rim_pyramid *p, circle_kind kind, d
 static void middle_circles(seedlist *out, const rim_level *l, int at, circle_kind kind, double r1)
 {
     for (double r = 0.5 * fmin(l->w, l->h), f = 1; f > 0.85 && r <= r1; f -= 0.03)
-        keep(out, &(circle_seed){{0.5 * l->w, 0.5 * l->h, f * r}, at, rim_score(l, kind, 0.5 * l->w, 0.5 * l->h, f * r), 1}, 1);
+        keep(out,
+             &(circle_seed){
+                 {0.5 * l->w, 0.5 * l->h, f * r}, at, rim_score(l, kind, 0.5 * l->w, 0.5 * l->h, f * r), 1},
+             1);
 }
 
 typedef struct edge {
@@ -86,7 +97,8 @@ static edge *edges(int *count, const rim_level *l)
 }
 
 /* One radius: votes for centres in cells of a twentieth of it, the share of the circumference that votes. */
-static int votes_for(seedlist *out, const edge *e, int n, const rim_level *l, int at, circle_kind kind, double r)
+static int votes_for(seedlist *out, const edge *e, int n, const rim_level *l, int at, circle_kind kind,
+                     double r)
 {
     double cell = fmax(1, 0.05 * r), pad = PAD * r;
     int aw = (int)((l->w + 2 * pad) / cell) + 3, ah = (int)((l->h + 2 * pad) / cell) + 3;
@@ -94,7 +106,8 @@ static int votes_for(seedlist *out, const edge *e, int n, const rim_level *l, in
     if (!a) return -1;
     for (int k = 0; k < n; k++)
         for (int side = kind == CIRCLE_LENS ? 1 : -1; side <= 1; side += 2) {
-            int i = (int)((e[k].x + side * r * e[k].nx + pad) / cell + 1), j = (int)((e[k].y + side * r * e[k].ny + pad) / cell + 1);
+            int i = (int)((e[k].x + side * r * e[k].nx + pad) / cell + 1),
+                j = (int)((e[k].y + side * r * e[k].ny + pad) / cell + 1);
             if (i >= 0 && j >= 0 && i < aw && j < ah) a[j * aw + i] += e[k].weight;
         }
     for (int j = 1; j + 1 < ah; j++)
@@ -108,7 +121,10 @@ static int votes_for(seedlist *out, const edge *e, int n, const rim_level *l, in
             }
             double share = (double)sum / (2 * M_PI * r);
             if (!top || share < 0.2) continue;
-            circle_seed s = {{(i - 0.5) * cell - pad, (j - 0.5) * cell - pad, r}, at, share * pow(r / (l->w + l->h), 0.25), 0};
+            circle_seed s = {{(i - 0.5) * cell - pad, (j - 0.5) * cell - pad, r},
+                             at,
+                             share * pow(r / (l->w + l->h), 0.25),
+                             0};
             keep(out, &s, 0.1 * r);
         }
     free(a);
@@ -130,8 +146,10 @@ static int voted(seedlist out[BANDS], const rim_level *l, int at, circle_kind ki
 static int hough(seedlist *out, const rim_level *l, int at, circle_kind kind, double r0, double r1, errmsg *e)
 {
     vision_circle c[HOUGH];
-    int n = vision_circles(c, HOUGH, l->g, l->w, l->h, fmax(r0, 3), r1, e);
-    for (int k = 0; k < n; k++) keep(out, &(circle_seed){{c[k].x, c[k].y, c[k].r}, at, rim_score(l, kind, c[k].x, c[k].y, c[k].r), 0}, 2);
+    int n = vision_circles(c, HOUGH, l->g, l->w, l->h, fmax(r0, 4), r1, e);
+    for (int k = 0; k < n; k++)
+        keep(out, &(circle_seed){{c[k].x, c[k].y, c[k].r}, at, rim_score(l, kind, c[k].x, c[k].y, c[k].r), 0},
+             2);
     return n < 0 ? -1 : 0;
 }
 
@@ -170,10 +188,13 @@ static int by_score(const void *a, const void *b)
     return (x < y) - (x > y);
 }
 
-int circle_seeds(circle_seed *s, int room, const rim_pyramid *p, circle_kind kind, double r0, double r1, errmsg *e)
+int circle_seeds(circle_seed *s, int room, const rim_pyramid *p, circle_kind kind, double r0, double r1,
+                 errmsg *e)
 {
     circle_seed all[KEPT], by_votes[BANDS][VOTED], by_hough[HOUGH], middle[MIDDLES];
-    seedlist list[LISTS] = {{by_votes[0], 0, VOTED}, {by_votes[1], 0, VOTED}, {by_votes[2], 0, VOTED}, {all, 0, KEPT}, {by_hough, 0, HOUGH}, {middle, 0, MIDDLES}}, out = {s, 0, room};
+    seedlist list[LISTS] = {{by_votes[0], 0, VOTED}, {by_votes[1], 0, VOTED}, {by_votes[2], 0, VOTED},
+                            {all, 0, KEPT},          {by_hough, 0, HOUGH},    {middle, 0, MIDDLES}},
+             out = {s, 0, room};
     int free_radius = r1 > 1.01 * r0, mid = 0;
     while (mid + 1 < p->n && (p->level[mid].w > MIDDLE || p->level[mid].h > MIDDLE)) mid++;
     const rim_level *l = &p->level[mid];
@@ -181,7 +202,13 @@ int circle_seeds(circle_seed *s, int room, const rim_pyramid *p, circle_kind kin
     all_circles(&list[BANDS], p, kind, r0, r1);
     if (voted(list, l, mid, kind, r0 / k, r1 / k)) return err_set(e, "out of memory");
     if (free_radius) middle_circles(&list[LISTS - 1], l, mid, kind, r1 / k);
-    if (free_radius && hough(&list[BANDS + 1], l, mid, kind, r0 / k, fmin(r1 / k, 0.6 * fmax(l->w, l->h)), e)) return -1;
+    int low = mid;
+    while (low + 1 < p->n && fmax(p->level[low].w, p->level[low].h) > HOUGH_SIDE) low++;
+    const rim_level *small = &p->level[low];
+    double ks = small->kx / p->level[0].kx;
+    if (free_radius &&
+        hough(&list[BANDS + 1], small, low, kind, r0 / ks, fmin(r1 / ks, 0.6 * fmax(small->w, small->h)), e))
+        return -1;
     for (int i = 0; i < LISTS; i++)
         for (int q = 0; q < list[i].n; q++) {
             circle_seed c = list[i].s[q];
@@ -189,14 +216,17 @@ int circle_seeds(circle_seed *s, int room, const rim_pyramid *p, circle_kind kin
             /* alike on a coarse level: one is enough */
             circle_seed fine = c;
             on_level(&fine, mid);
-            if ((c.score > 0.1 || c.placed) && fine.c[2] >= 0.8 * r0 / k) keep(&out, &fine, fmax(2, 0.025 * fine.c[2]));
+            if ((c.score > 0.1 || c.placed) && fine.c[2] >= 0.8 * r0 / k)
+                keep(&out, &fine, fmax(2, 0.025 * fine.c[2]));
         }
     for (int i = 0; i < out.n; i++) {
         int at = mid;
         for (double r = s[i].c[2]; !s[i].placed && at + 1 < p->n && r > 30; r /= 2) at++;
         on_level(&s[i], at);
-        if (s[i].placed) s[i].score = rim_climb(s[i].c, l, kind, free_radius, 1);
-        else climb_near(&s[i], p, kind, free_radius, mid);
+        if (s[i].placed)
+            s[i].score = rim_climb(s[i].c, l, kind, free_radius, 1);
+        else
+            climb_near(&s[i], p, kind, free_radius, mid);
     }
     qsort(s, (size_t)out.n, sizeof *s, by_score);
     return out.n;

@@ -20,8 +20,9 @@ int report_write(const char *path, const outcome *o, errmsg *e)
                 o->second_overlap);
     const circle_found *c = &o->circle;
     if (c->r > 0)
-        fprintf(f, ",\n \"circle\": {\"rim_seen\": %.4f, \"in_picture\": %.4f, \"rms_px\": %.3f, \"contrast\": %.4f, \"strength\": %.4f, \"margin\": %.4f}",
-                c->share, c->seen, c->rms, c->contrast, c->strength, c->margin);
+        fprintf(f, ",\n \"circle\": {\"rim_seen\": %.4f, \"in_picture\": %.4f, \"rms_px\": %.3f, \"contrast\": %.4f, \"strength\": %.4f, \"margin\": %.4f, "
+                   "\"apart\": %.4f}",
+                c->share, c->seen, c->rms, c->contrast, c->strength, c->margin, c->apart);
     if (o->spheres_from) fprintf(f, ",\n \"spheres_from\": \"%s\"", o->spheres_from);
     if (o->rims_seen) fprintf(f, ",\n \"rims_seen\": %d,\n \"rims_rms_px\": %.3f", o->rims_seen, o->rims_rms);
     if (o->nspheres) {

@@ -1,8 +1,8 @@
 /*
  * rim.c - tracing and weighing a circle's rim (rim.h).
  *
- * The rim is traced as the best closed path around the circle (dynamic programming over rays and radii: no ray is alone in
- * choosing its edge), then a circle is fitted to it.
+ * The rim is traced as the best closed path around the circle (dynamic programming over rays and radii: no
+ * ray is alone in choosing its edge), then a circle is fitted to it.
  */
 #include "rim.h"
 
@@ -12,10 +12,11 @@
 
 #include "vision/circles.h"
 
-#define ANGLES 96
-#define FAINT 0.03f /* log units per pixel: gradients well above count in full */
+#define ANGLES    96
+#define FAINT     0.03f /* log units per pixel: gradients well above count in full */
 #define MOST_RAYS 360
-#define STEPS 61    /* radii tried on a ray */
+#define STEPS     61    /* radii tried on a ray */
+#define SMALL     100.0 /* pixels of radius: below, half a pixel is too much to be off */
 
 static double cosines[ANGLES], sines[ANGLES]; /* set with the first pyramid */
 
@@ -44,7 +45,8 @@ static void level_free(rim_level *l)
     free(l->gy);
 }
 
-static int level_new(rim_level *l, int w, int h, const float *g, int gw, int gh, double kx, double ky, errmsg *e)
+static int level_new(rim_level *l, int w, int h, const float *g, int gw, int gh, double kx, double ky,
+                     errmsg *e)
 {
     *l = (rim_level){.w = w, .h = h, .kx = kx * gw / w, .ky = ky * gh / h};
     l->g = malloc(sizeof(float) * (size_t)w * (size_t)h);
@@ -56,13 +58,16 @@ static int level_new(rim_level *l, int w, int h, const float *g, int gw, int gh,
 int rim_pyramid_new(rim_pyramid *p, const float *g, int w, int h, int side, errmsg *e)
 {
     memset(p, 0, sizeof *p);
-    for (int i = 0; i < ANGLES; i++) cosines[i] = cos(2 * M_PI * i / ANGLES), sines[i] = sin(2 * M_PI * i / ANGLES);
+    for (int i = 0; i < ANGLES; i++)
+        cosines[i] = cos(2 * M_PI * i / ANGLES), sines[i] = sin(2 * M_PI * i / ANGLES);
     double k = fmax((double)(w > h ? w : h) / side, 1);
     int lw = (int)lrint(w / k), lh = (int)lrint(h / k);
-    for (const rim_level *up = NULL; p->n < RIM_LEVELS; up = &p->level[p->n - 1], lw = up->w / 2, lh = up->h / 2) {
+    for (const rim_level *up = NULL; p->n < RIM_LEVELS;
+         up = &p->level[p->n - 1], lw = up->w / 2, lh = up->h / 2) {
         if (lw < 8 || lh < 8) break;
         /* an odd column or row is left out, so that halves are halves */
-        int failed = up ? level_new(&p->level[p->n], lw, lh, up->g, up->w, up->h, up->kx, up->ky, e) : level_new(&p->level[0], lw, lh, g, w, h, 1, 1, e);
+        int failed = up ? level_new(&p->level[p->n], lw, lh, up->g, up->w, up->h, up->kx, up->ky, e)
+                        : level_new(&p->level[0], lw, lh, g, w, h, 1, 1, e);
         p->n++;
         if (failed) {
             rim_pyramid_free(p);
@@ -79,15 +84,35 @@ void rim_pyramid_free(rim_pyramid *p)
     p->n = 0;
 }
 
-static float radial(float *strength, const rim_level *l, circle_kind kind, double px, double py, double co, double si)
+static inline float radial(float *strength, const rim_level *l, circle_kind kind, double px, double py,
+                           double co, double si)
 {
-    int i = (int)floor(px), j = (int)floor(py);
-    if (i < 1 || j < 1 || i >= l->w - 1 || j >= l->h - 1) return NAN;
+    if (!(px >= 1 && py >= 1 && px < l->w - 1 && py < l->h - 1)) return NAN;
+    int i = (int)px, j = (int)py;
     size_t at = (size_t)j * (size_t)l->w + (size_t)i;
     float gx = l->gx[at], gy = l->gy[at];
-    float d = gx * (float)co + gy * (float)si, all = gx * gx + gy * gy, t = (2 * d * d - all) / (all + FAINT * FAINT);
+    float d = gx * (float)co + gy * (float)si, all = gx * gx + gy * gy,
+          t = (2 * d * d - all) / (all + FAINT * FAINT);
     if (strength) *strength = fabsf(d);
     return kind == CIRCLE_LENS && d > 0 ? -fabsf(t) : t;
+}
+
+/* The same with the gradient interpolated: a pixel matters on a small circle. */
+static float radial_between(float *strength, const rim_level *l, circle_kind kind, double px, double py,
+                            double co, double si)
+{
+    double x = px - 0.5, y = py - 0.5;
+    if (!(x >= 1 && y >= 1 && x < l->w - 2 && y < l->h - 2)) return NAN;
+    int i = (int)x, j = (int)y;
+    float u = (float)(x - i), v = (float)(y - j);
+    size_t at = (size_t)j * (size_t)l->w + (size_t)i, w = (size_t)l->w;
+    float a = (1 - u) * (1 - v), b = u * (1 - v), c = (1 - u) * v, d = u * v;
+    float gx = a * l->gx[at] + b * l->gx[at + 1] + c * l->gx[at + w] + d * l->gx[at + w + 1];
+    float gy = a * l->gy[at] + b * l->gy[at + 1] + c * l->gy[at + w] + d * l->gy[at + w + 1];
+    float along = gx * (float)co + gy * (float)si, all = gx * gx + gy * gy,
+          t = (2 * along * along - all) / (all + FAINT * FAINT);
+    *strength = fabsf(along);
+    return kind == CIRCLE_LENS && along > 0 ? -fabsf(t) : t;
 }
 
 double rim_score(const rim_level *l, circle_kind kind, double x, double y, double r)
@@ -110,7 +135,8 @@ double rim_climb(double c[3], const rim_level *l, circle_kind kind, int free_rad
             double o[3] = {c[0], c[1], c[2]};
             moved = 0;
             for (int m = 0; m < 27; m++) {
-                double t[3] = {o[0] + step * (m % 3 - 1), o[1] + step * (m / 3 % 3 - 1), o[2] + (free_radius ? step * (m / 9 - 1) : 0)};
+                double t[3] = {o[0] + step * (m % 3 - 1), o[1] + step * (m / 3 % 3 - 1),
+                               o[2] + (free_radius ? step * (m / 9 - 1) : 0)};
                 if (t[2] < 3) continue;
                 double s = rim_score(l, kind, t[0], t[1], t[2]);
                 if (s > best) best = s, memcpy(c, t, sizeof t), moved = 1;
@@ -119,13 +145,14 @@ double rim_climb(double c[3], const rim_level *l, circle_kind kind, int free_rad
     return best;
 }
 
-/* ---- the rim as a path ---------------------------------------------------------------------------------- */
+/* ---- the rim as a path ----------------------------------------------------------------------------------
+ */
 
 typedef struct unwrapped {
-    int n;                        /* rays */
-    double r0, dr;                /* radius of step k: r0 + k dr */
+    int n;         /* rays */
+    double r0, dr; /* radius of step k: r0 + k dr */
     double co[MOST_RAYS], si[MOST_RAYS];
-    float v[MOST_RAYS][STEPS];    /* how much of an edge along the circle; < 0: out of the picture */
+    float v[MOST_RAYS][STEPS]; /* how much of an edge along the circle; < 0: out of the picture */
     int path[MOST_RAYS];
 } unwrapped;
 
@@ -139,13 +166,15 @@ static void unwrap(unwrapped *u, const rim_level *l, circle_kind kind, const dou
         u->co[k] = co, u->si[k] = si;
         for (int q = 0; q < STEPS; q++) {
             double r = u->r0 + q * u->dr;
-            float strength = 0, t = radial(&strength, l, kind, c[0] + r * co, c[1] + r * si, co, si);
-            u->v[k][q] = isnan(t) ? -1 : fmaxf(t, 0) * (0.5f + fminf(strength, 0.3f) / 0.6f);
+            float strength = 0, t = (c[2] < SMALL ? radial_between : radial)(
+                                    &strength, l, kind, c[0] + r * co, c[1] + r * si, co, si);
+            u->v[k][q] = isnan(t) ? -1 : fmaxf(t, 0) * (0.5f + 0.6f * strength / (strength + 0.1f));
         }
     }
 }
 
-/* The best path around: a step between rays of at most `most` radii, which costs a little.  Twice around, so that it closes. */
+/* The best path around: a step between rays of at most `most` radii, which costs a little.  Twice around, so
+ * that it closes. */
 static void best_path(unwrapped *u)
 {
     static const float bend = 0.02f;
@@ -186,8 +215,10 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Weighted algebraic circle fit (Kasa): good inside a reweighted loop near the answer; a known radius moves the centre alone. */
-static int fit_circle(double c[3], const double *px, const double *py, const double *wt, int n, int free_radius)
+/* Weighted algebraic circle fit (Kasa): good inside a reweighted loop near the answer; a known radius moves
+ * the centre alone. */
+static int fit_circle(double c[3], const double *px, const double *py, const double *wt, int n,
+                      int free_radius)
 {
     double s[6] = {0}, mx = 0, my = 0, sw = 0;
     for (int i = 0; i < n; i++) mx += wt[i] * px[i], my += wt[i] * py[i], sw += wt[i];
@@ -209,7 +240,8 @@ static int fit_circle(double c[3], const double *px, const double *py, const dou
 /* Robust fit to the path: points that stray lose their weight (Tukey). */
 static int fit_path(double c[3], const unwrapped *u, int free_radius)
 {
-    double px[MOST_RAYS], py[MOST_RAYS], base[MOST_RAYS], wt[MOST_RAYS], dev[MOST_RAYS], o[3] = {c[0], c[1], c[2]};
+    double px[MOST_RAYS], py[MOST_RAYS], base[MOST_RAYS], wt[MOST_RAYS], dev[MOST_RAYS],
+        o[3] = {c[0], c[1], c[2]};
     int n = 0;
     for (int k = 0; k < u->n; k++) {
         float v = u->v[k][u->path[k]];
@@ -236,8 +268,8 @@ static int fit_path(double c[3], const unwrapped *u, int free_radius)
 float rim_grey(const rim_level *l, double x, double y)
 {
     x -= 0.5, y -= 0.5;
-    int i = (int)floor(x), j = (int)floor(y);
-    if (i < 0 || j < 0 || i + 1 >= l->w || j + 1 >= l->h) return NAN;
+    if (!(x >= 0 && y >= 0 && x < l->w - 1 && y < l->h - 1)) return NAN;
+    int i = (int)x, j = (int)y;
     float u = (float)(x - i), v = (float)(y - j);
     const float *p = l->g + (size_t)j * (size_t)l->w + (size_t)i;
     return (1 - v) * ((1 - u) * p[0] + u * p[1]) + v * ((1 - u) * p[l->w] + u * p[l->w + 1]);
@@ -256,7 +288,8 @@ static double ring(const rim_level *l, circle_kind kind, const double c[3], doub
     return n > 0 ? sum / n : 0;
 }
 
-static void weigh(rim_fit *f, const unwrapped *u, const rim_level *l, circle_kind kind, const double o[3], const double c[3])
+static void weigh(rim_fit *f, const unwrapped *u, const rim_level *l, circle_kind kind, const double o[3],
+                  const double c[3])
 {
     double contrast[MOST_RAYS], sq = 0, along = 0, two[2] = {0, 0}, tol = fmax(0.015 * c[2], 1);
     int seen = 0, good = 0;
@@ -264,7 +297,8 @@ static void weigh(rim_fit *f, const unwrapped *u, const rim_level *l, circle_kin
     for (int k = 0; k < u->n; k++) {
         double r = u->r0 + u->path[k] * u->dr, x = o[0] + r * u->co[k], y = o[1] + r * u->si[k];
         double d = hypot(x - c[0], y - c[1]), co = (x - c[0]) / d, si = (y - c[1]) / d, off = d - c[2];
-        float t = radial(NULL, l, kind, x, y, co, si), in = rim_grey(l, x - 1.5 * co, y - 1.5 * si), out = rim_grey(l, x + 1.5 * co, y + 1.5 * si);
+        float t = radial(NULL, l, kind, x, y, co, si), in = rim_grey(l, x - 1.5 * co, y - 1.5 * si),
+              out = rim_grey(l, x + 1.5 * co, y + 1.5 * si);
         if (isnan(t) || isnan(in) || isnan(out)) continue;
         contrast[seen++] = (double)fabsf(in - out);
         along += (double)t;
@@ -274,13 +308,16 @@ static void weigh(rim_fit *f, const unwrapped *u, const rim_level *l, circle_kin
     }
     if (!seen) return;
     qsort(contrast, (size_t)seen, sizeof *contrast, by_value);
-    f->seen = (double)seen / u->n, f->share = (double)good / seen, f->contrast = contrast[seen / 2], f->along = along / seen;
+    f->seen = (double)seen / u->n, f->share = (double)good / seen, f->contrast = contrast[seen / 2],
+    f->along = along / seen;
     if (good) f->rms = sqrt(sq / good) / c[2], f->oval = 2 * hypot(two[0], two[1]) / good / c[2];
-    double gap = fmax(0.03, 3 / c[2]), far = gap + fmax(0.09, 3 / c[2]); /* the rim's own edge reaches 2 pixels */
+    double gap = fmax(0.03, 3 / c[2]),
+           far = gap + fmax(0.09, 3 / c[2]); /* the rim's own edge reaches 2 pixels */
     f->inside = ring(l, kind, c, 1 - far, 1 - gap), f->outside = ring(l, kind, c, 1 + gap, 1 + far);
 }
 
-int rim_trace(rim_fit *f, const rim_level *l, circle_kind kind, int free_radius, const double start[3], double band)
+int rim_trace(rim_fit *f, const rim_level *l, circle_kind kind, int free_radius, const double start[3],
+              double band)
 {
     unwrapped *u = malloc(sizeof *u);
     double c[3] = {start[0], start[1], start[2]}, o[3];
@@ -290,7 +327,9 @@ int rim_trace(rim_fit *f, const rim_level *l, circle_kind kind, int free_radius,
         unwrap(u, l, kind, c, band);
         best_path(u);
         rc = fit_path(c, u, free_radius);
-        if (!rc && (hypot(c[0] - start[0], c[1] - start[1]) > 0.3 * start[2] || fabs(c[2] - start[2]) > 0.3 * start[2])) rc = -1;
+        if (!rc && (hypot(c[0] - start[0], c[1] - start[1]) > 0.3 * start[2] ||
+                    fabs(c[2] - start[2]) > 0.3 * start[2]))
+            rc = -1;
     }
     if (!rc) weigh(f, u, l, kind, o, c);
     free(u);

@@ -12,7 +12,7 @@
 #include "spherefind.h"
 
 #define WHOLE 1e6    /* pixels: no smaller copy */
-#define BEYOND 0.6   /* of the outermost row's rims: what the next row beyond may have */
+#define BEYOND 0.7   /* of the outermost row's rims: what the next row beyond may have */
 #define LARGER 1.1   /* times the rims found: what a larger circle may have */
 
 /* How well a rim shows at a sphere, 0..1; NaN where a good part of it lies outside. */
