@@ -139,7 +139,7 @@ static double part_of_a_pixel(const circle_found *f)
 static const char *doubt_again(circle_look o[LOOKS])
 {
     circle_found *f = &o[0].f;
-    double soft = between(&o[0], &o[2]), sure = fmin(1, f->share / SURE);
+    double soft = between(&o[0], &o[2]), sure = fmin(1, f->share / sqrt(f->seen) / SURE);
     double part = part_of_a_pixel(f) / f->r, most = AGREE * pow(sure, 4);
     f->apart = between(&o[0], &o[1]) + part;
     f->margin = (f->margin + o[1].f.margin + o[2].f.margin) / 3;
