@@ -37,8 +37,8 @@ motion motion_scaled(motion m, double factor)
 
 namespace {
 
-enum { ROUNDS = 100, SMOOTH = 5 };
-const double enough = 1e-6; // gain of the correlation at which a level ends
+enum { ROUNDS = 60, SMOOTH = 5 };
+const double enough = 1e-5; // gain of the correlation at which a level ends
 
 cv::Mat matrix_of(const motion &m)
 {

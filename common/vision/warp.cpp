@@ -86,7 +86,7 @@ cv::Range source_rows(const motion &m, int width, int height, int y, int rows)
 void warp_plane(cv::Mat out, cv::Mat seen, const cv::Mat &in, const motion &m, const warp_opts &o)
 {
     const int how = cv::INTER_LINEAR | cv::WARP_INVERSE_MAP;
-    double most_x = in.cols - .5, most_y = in.rows - .5;
+    double most_x = in.cols - .5, most_y = in.rows - .5, c = std::cos(m.angle), s = std::sin(m.angle);
     for (int y0 = 0; y0 < in.rows; y0 += BAND) {
         int rows = std::min<int>(BAND, in.rows - y0);
         cv::Range from = source_rows(m, in.cols, in.rows, y0, rows);
@@ -98,12 +98,13 @@ void warp_plane(cv::Mat out, cv::Mat seen, const cv::Mat &in, const motion &m, c
         cv::Size size(in.cols, rows);
         light_there = at_places(light, w, size);
         cv::warpAffine(clipped, clipped_there, w, size, how, cv::BORDER_REPLICATE);
-        for (int y = y0; y < y0 + rows; y++)
-            for (int x = 0; x < in.cols; x++) {
-                double mx, my;
-                motion_apply(&m, x, y, &mx, &my);
-                seen.at<uint8_t>(y, x) = mx >= -.5 && my >= -.5 && mx <= most_x && my <= most_y;
-            }
+        for (int y = y0; y < y0 + rows; y++) {
+            uint8_t *there = seen.ptr<uint8_t>(y);
+            double mx, my;
+            motion_apply(&m, 0, y, &mx, &my);
+            for (int x = 0; x < in.cols; x++, mx += c, my += s)
+                there[x] = mx >= -.5 && my >= -.5 && mx <= most_x && my <= most_y;
+        }
         to_codes(out.rowRange(y0, y0 + rows), light_there, clipped_there, o);
     }
 }
