@@ -32,12 +32,12 @@ void to_light(cv::Mat &light, cv::Mat &clipped, const cv::Mat &codes, const warp
     }
 }
 
-// Values of `light` at the moved places, by a sharp kernel, but none beyond the four pixels around: a lamp has no dark ring.
+// Values of `light` at the moved places, by a cubic kernel, but none beyond the four pixels around: a lamp has no dark ring.
 cv::Mat at_places(const cv::Mat &light, const cv::Mat &w, cv::Size size)
 {
     const int flags = cv::WARP_INVERSE_MAP;
     cv::Mat there, low, high, bound;
-    cv::warpAffine(light, there, w, size, cv::INTER_LANCZOS4 | flags, cv::BORDER_REPLICATE);
+    cv::warpAffine(light, there, w, size, cv::INTER_CUBIC | flags, cv::BORDER_REPLICATE);
     cv::Mat square = cv::Mat::ones(2, 2, CV_8U);
     cv::erode(light, low, square, cv::Point(0, 0), 1, cv::BORDER_REPLICATE);
     cv::dilate(light, high, square, cv::Point(0, 0), 1, cv::BORDER_REPLICATE);
@@ -66,7 +66,7 @@ void to_codes(cv::Mat codes, const cv::Mat &light, const cv::Mat &clipped, const
     }
 }
 
-enum { BAND = 256 }; // rows at a time, so that the floats stay small
+enum { BAND = 32 }; // rows at a time, so that the floats stay small
 
 // First and last source row that rows [y, y + rows) of the result look at.
 cv::Range source_rows(const motion &m, int width, int height, int y, int rows)

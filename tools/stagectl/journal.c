@@ -268,8 +268,11 @@ static int lock_folder(journal *j, errmsg *e)
         else
             bad = err_set(e, "%s: the session is in use by another stagectl (fuser %s names it)",
                           j->s->folder, path);
-    } else if (ftruncate(j->lock_fd, 0) != 0 || dprintf(j->lock_fd, "%ld\n", (long)getpid()) < 0) {
-    } /* only a help for whoever is kept out */
+    } else {
+        const long self = (long)getpid();
+        if (ftruncate(j->lock_fd, 0) != 0 || dprintf(j->lock_fd, "%ld\n", self) < 0) {
+        } /* only a help for whoever is kept out */
+    }
     free(path);
     return bad;
 }
