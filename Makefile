@@ -4,7 +4,7 @@
 #   make demo         the main job            make test         the tests
 #
 # One folder, one rule: tools/X/*.c are X's parts, archived together; a file there that is named
-# in PROGRAMS_X holds a main().  V=1 shows the compiler's command lines; SAN=1 builds everything of ours with ASan and UBSan in build/san/.
+# in PROGRAMS_X holds a main().  Rooms include each other by their names ("base/cli.h"), downwards only.  V=1 shows the compiler's command lines; SAN=1 builds everything of ours with ASan and UBSan in build/san/.
 
 SHELL      := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
@@ -42,7 +42,7 @@ endif
 endif
 , := ,
 SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
-CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Icommon/vision -Iilfmat -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
+CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -Itools -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
 CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) $(OPENMP) -MMD -MP
 CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow $(WERROR) $(SANFLAGS) -MMD -MP
 LDFLAGS    += $(SANFLAGS) $(OPENMP) -Wl,--as-needed
@@ -54,15 +54,19 @@ LIBS_VISION := -lopencv_video -lopencv_imgproc -lopencv_core
 PROGRAMS_ilfmat    := ilfpack ilfinfo ilftrace
 PROGRAMS_hdrgen    := hdrgen
 PROGRAMS_fishremap := fishremap falloffcal
-PROGRAMS_stagectl  := stagectl virtualstage virtualcamera
+PROGRAMS_stagectl  := stagectl
+PROGRAMS_twin      := virtualstage virtualcamera
 LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
 LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack
 LIBS_stagectl      := -lutil -lexif
-TOOLS              := hdrgen fishremap stagectl
+LIBS_twin          := $(LIBS_stagectl)
+# the tool whose parts another stands on: the virtual stage speaks the real one's language
+UNDER_twin         := stagectl
+TOOLS              := hdrgen fishremap stagectl twin
 
 # A main that is not written yet is left out, so that a partial checkout builds.
 have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
-ILF_PROGRAMS  := $(call have,ilfmat,ilfmat)
+ILF_PROGRAMS  := $(call have,ilfmat,ilfmat/programs)
 TOOL_PROGRAMS := $(foreach t,$(TOOLS),$(call have,$(t),tools/$(t)))
 
 .PHONY: all radiance tools demo test bench install clean help env deps deps-radiance deps-tools deps-test man
@@ -98,9 +102,11 @@ $(VENV)/.packages: setup/requirements.txt $(VENV)/.made
 
 # ---- libraries -------------------------------------------------------------------------------------
 # C++ only where a library asks for it: thin shims with a C interface
-COMMON_OBJ := $(patsubst %.c,$(B)/obj/%.o,$(wildcard common/*.c)) $(patsubst %.cpp,$(B)/obj/%.o,$(wildcard common/*.cpp))
+COMMON_SRC := $(wildcard common/base/*.c common/exr/*.c common/image/*.c common/image/*.cpp)
+COMMON_OBJ := $(patsubst %,$(B)/obj/%.o,$(basename $(COMMON_SRC)))
 VISION_OBJ := $(patsubst %.cpp,$(B)/obj/%.o,$(wildcard common/vision/*.cpp))
-ILFLIB_OBJ := $(patsubst %.c,$(B)/obj/%.o,$(filter-out $(PROGRAMS_ilfmat:%=ilfmat/%.c),$(wildcard ilfmat/*.c)))
+ILFLIB_SRC := $(wildcard ilfmat/file/*.c ilfmat/lookup/*.c ilfmat/sampling/*.c)
+ILFLIB_OBJ := $(ILFLIB_SRC:%.c=$(B)/obj/%.o)
 LIBILF     := $(B)/lib/libilf.a
 LIBCOMMON  := $(B)/obj/libcommon.a
 LIBVISION  := $(B)/obj/libvision.a
@@ -119,7 +125,7 @@ $(B)/obj/ilfmat/%.o: ilfmat/%.c | $(B0)/.debs-radiance
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
 	$(Q)$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
-$(PROGRAMS_ilfmat:%=$(B)/obj/ilfmat/%.o): | $(B0)/.debs-tools
+$(PROGRAMS_ilfmat:%=$(B)/obj/ilfmat/programs/%.o): | $(B0)/.debs-tools
 
 $(LIBILF): $(ILFLIB_OBJ)
 	@mkdir -p $(@D) && rm -f $@
@@ -135,7 +141,7 @@ $(LIBVISION): $(VISION_OBJ)
 # ---- our programs ----------------------------------------------------------------------------------
 tools: $(ILF_PROGRAMS:%=$(B)/bin/%) $(TOOL_PROGRAMS:%=$(B)/bin/%)
 
-$(ILF_PROGRAMS:%=$(B)/bin/%): $(B)/bin/%: $(B)/obj/ilfmat/%.o $(LIBCOMMON) $(LIBILF)
+$(ILF_PROGRAMS:%=$(B)/bin/%): $(B)/bin/%: $(B)/obj/ilfmat/programs/%.o $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $(@D)
 	@echo "  LD  $(@F)"
 	$(Q)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
@@ -145,7 +151,7 @@ $(1)_PARTS := $$(patsubst tools/%,$(B)/obj/tools/%.o,$$(basename $$(filter-out $
 $(B)/obj/lib$(1).a: $$($(1)_PARTS)
 	@mkdir -p $$(@D) && rm -f $$@
 	@ar rcs $$@ $$^
-$$(patsubst %,$(B)/bin/%,$(call have,$(1),tools/$(1))): $(B)/bin/%: $(B)/obj/tools/$(1)/%.o $(B)/obj/lib$(1).a $(if $(findstring opencv,$(LIBS_$(1))),$(LIBVISION)) $(LIBCOMMON) $(LIBILF)
+$$(patsubst %,$(B)/bin/%,$(call have,$(1),tools/$(1))): $(B)/bin/%: $(B)/obj/tools/$(1)/%.o $(B)/obj/lib$(1).a $(UNDER_$(1):%=$(B)/obj/lib%.a) $(if $(findstring opencv,$(LIBS_$(1))),$(LIBVISION)) $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $$(@D)
 	@echo "  LD  $$(@F)"
 	$(Q)$(CC) $(LDFLAGS) -o $$@ $$^ $$(LIBS_$(1)) $(LIBS_IMAGE)
@@ -164,7 +170,7 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
--include report/report.mk tests/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
+-include report/report.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
 $(B)/test/falloffsim: LIBS_IMAGE += -llapacke -llapack

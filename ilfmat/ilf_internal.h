@@ -116,6 +116,10 @@ static inline ilf_status ilf_need_probe(const ilf *f, int64_t k, ilf_error *err)
     return ilf_load_probe(f, k, err);
 }
 
+/* One probe's texels for a single look: in place or decoded into *own (to be freed). */
+ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix, void **own, ilf_error *err);
+void ilf_unpeek_probe(const ilf *field, const unsigned char *pix, void *own);
+
 /* IEEE 754 binary16 -> binary32, exact, denormals included.  Infinity and NaN come out finite: probes are checked for them. */
 static inline float ilf_half_to_float(uint16_t h)
 {

@@ -4,7 +4,7 @@
 #ifndef VISION_CIRCLES_H
 #define VISION_CIRCLES_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 typedef struct vision_circle {
     double x, y, r; /* pixels; (0, 0) is the picture's top-left corner, pixel centres lie at +1/2 */

@@ -10,7 +10,7 @@
 #include <opencv2/core.hpp>
 
 extern "C" {
-#include "errmsg.h"
+#include "base/errmsg.h"
 extern int cli_threads; // cli.h, which is C11
 }
 

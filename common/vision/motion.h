@@ -6,7 +6,7 @@
 #ifndef VISION_MOTION_H
 #define VISION_MOTION_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 /* A turn and a shift: what stands at (x, y) of the picture at rest stands at
  *     x' = cos(a) x - sin(a) y + dx,   y' = sin(a) x + cos(a) y + dy

@@ -13,7 +13,7 @@
 extern "C" {
 #endif
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 typedef struct vision_tree vision_tree;
 

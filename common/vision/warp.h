@@ -6,7 +6,7 @@
 
 #include <stdint.h>
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "motion.h"
 
 typedef struct warp_opts {

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "cli.h"
-#include "outfile.h"
+#include "base/cli.h"
+#include "base/outfile.h"
 
 static int flag, whole = 7, steps;
 static double real = 0.5;

@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "cli.h"
+#include "base/cli.h"
 #include "ilf_internal.h"
 
 static int rays = 100000;

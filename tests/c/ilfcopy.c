@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "cli.h"
+#include "base/cli.h"
 #include "ilf.h"
 
 static const char *compression = "none";

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <time.h>
 
-#include "cli.h"
+#include "base/cli.h"
 #include "ilf.h"
 
 static int lookups = 4000000;

@@ -11,9 +11,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cli.h"
-#include "image.h"
-#include "outfile.h"
+#include "base/cli.h"
+#include "image/image.h"
+#include "base/outfile.h"
 
 static const char *type, *compression, *comment;
 static int extra;

@@ -6,12 +6,12 @@ FUZZ_SECONDS ?= 60
 FUZZ         ?= $(FUZZ_NAMES)
 FUZZ_DIR     := $(B0)/fuzz
 CLANG        ?= clang
-FUZZ_CPP      = $(CPPFLAGS) -Itools/hdrgen -Itools/fishremap -Itools/stagectl
+FUZZ_CPP      = $(CPPFLAGS)
 # the tool whose parts a target needs; all have the libraries
 FUZZ_LIB_session := stagectl
 FUZZ_LIB_journal := stagectl
 FUZZ_LIB_grbl    := stagectl
-FUZZ_LIB_curve   := stagectl
+FUZZ_LIB_curve   := twin
 FUZZ_LIB_response := hdrgen
 FUZZ_LIB_falloff  := fishremap
 FUZZ_LIB_lens     := fishremap
@@ -19,9 +19,8 @@ FUZZ_LIB_times    := hdrgen
 
 # ---- replay, with the compiler and the flags of everything else -------------------------------------------
 REPLAYS := $(FUZZ_NAMES:%=$(B)/test/fuzz_%)
-$(B)/obj/tests/fuzz/%.o: CPPFLAGS += -Itools/hdrgen -Itools/fishremap -Itools/stagectl
 define replay_rule
-$(B)/test/fuzz_$(1): $(B)/obj/tests/fuzz/fuzz_$(1).o $(B)/obj/tests/fuzz/replay.o $(FUZZ_LIB_$(1):%=$(B)/obj/lib%.a) $(LIBVISION) $(LIBCOMMON) $(LIBILF)
+$(B)/test/fuzz_$(1): $(B)/obj/tests/fuzz/fuzz_$(1).o $(B)/obj/tests/fuzz/replay.o $(FUZZ_LIB_$(1):%=$(B)/obj/lib%.a) $(UNDER_$(FUZZ_LIB_$(1)):%=$(B)/obj/lib%.a) $(LIBVISION) $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $$(@D)
 	@echo "  LD  $$(@F)"
 	$$(Q)$$(CC) $$(LDFLAGS) -o $$@ $$^ $$(foreach t,$(FUZZ_LIB_$(1)),$$(LIBS_$$(t))) $$(LIBS_IMAGE)
@@ -34,7 +33,7 @@ FUZZ_FLAGS  := -fsanitize=address,undefined -fno-sanitize-recover=undefined -fno
 FUZZ_CFLAGS := -std=c11 -O1 -g $(WARN) -Wno-unknown-pragmas -MMD -MP
 FUZZ_CXXFLAGS := -std=c++17 -O1 -g -Wall -Wextra -Wshadow -MMD -MP
 FUZZ_ARCHIVE = $(patsubst %.c,$(FUZZ_DIR)/obj/%.o,$(1))
-FUZZ_OWN_ilf := $(filter-out $(PROGRAMS_ilfmat:%=ilfmat/%.c),$(wildcard ilfmat/*.c)) $(wildcard common/*.c)
+FUZZ_OWN     := $(ILFLIB_SRC) $(COMMON_SRC)
 fuzz_sources  = $(filter-out $(PROGRAMS_$(1):%=tools/$(1)/%.c),$(wildcard tools/$(1)/*.c))
 
 .PHONY: clang-there
@@ -46,12 +45,12 @@ $(FUZZ_DIR)/obj/%.o: %.c | $(B0)/.debs-tools clang-there
 $(FUZZ_DIR)/obj/%.o: %.cpp | $(B0)/.debs-tools clang-there
 	@mkdir -p $(@D)
 	$(Q)$(CLANG) $(FUZZ_CPP) $(FUZZ_CXXFLAGS) $(FUZZ_FLAGS) -fsanitize=fuzzer-no-link -c -o $@ $<
-$(FUZZ_DIR)/libown.a: $(patsubst %.c,$(FUZZ_DIR)/obj/%.o,$(FUZZ_OWN_ilf)) $(patsubst %.cpp,$(FUZZ_DIR)/obj/%.o,$(wildcard common/*.cpp))
+$(FUZZ_DIR)/libown.a: $(patsubst %,$(FUZZ_DIR)/obj/%.o,$(basename $(FUZZ_OWN)))
 	@rm -f $@; ar rcs $@ $^
 $(foreach t,$(TOOLS),$(eval $(FUZZ_DIR)/lib$(t).a: $(patsubst %.c,$(FUZZ_DIR)/obj/%.o,$(call fuzz_sources,$(t))) ; @rm -f $$@; ar rcs $$@ $$^))
 
 define fuzz_rule
-$(FUZZ_DIR)/fuzz_$(1): $(FUZZ_DIR)/obj/tests/fuzz/fuzz_$(1).o $(FUZZ_LIB_$(1):%=$(FUZZ_DIR)/lib%.a) $(LIBVISION) $(FUZZ_DIR)/libown.a
+$(FUZZ_DIR)/fuzz_$(1): $(FUZZ_DIR)/obj/tests/fuzz/fuzz_$(1).o $(FUZZ_LIB_$(1):%=$(FUZZ_DIR)/lib%.a) $(UNDER_$(FUZZ_LIB_$(1)):%=$(FUZZ_DIR)/lib%.a) $(LIBVISION) $(FUZZ_DIR)/libown.a
 	@echo "  LD  fuzz_$(1) (clang)"
 	$$(Q)$(CLANG) $(FUZZ_FLAGS) -fsanitize=fuzzer -o $$@ $$^ $$(foreach t,$(FUZZ_LIB_$(1)),$$(LIBS_$$(t))) $$(LIBS_IMAGE)
 endef

@@ -1,7 +1,7 @@
 /* fuzz_curve.c - the virtual camera's falloff and response curves. */
 #include <math.h>
 
-#include "curvefile.h"
+#include "twin/curvefile.h"
 #include "fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

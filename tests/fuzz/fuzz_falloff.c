@@ -1,7 +1,7 @@
 /* fuzz_falloff.c - falloff curves: fishremap's text and JSON files. */
 #include <math.h>
 
-#include "falloff.h"
+#include "fishremap/falloff.h"
 #include "fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

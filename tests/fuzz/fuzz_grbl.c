@@ -9,11 +9,11 @@
 #include <sys/syscall.h>
 #include <time.h>
 
-#include "c4_proto.h"
+#include "stagectl/c4_proto.h"
 #include "fuzz.h"
-#include "grbl_proto.h"
-#include "linebuf.h"
-#include "stage.h"
+#include "stagectl/grbl_proto.h"
+#include "stagectl/linebuf.h"
+#include "stagectl/stage.h"
 
 struct port {
     const uint8_t *at, *end;

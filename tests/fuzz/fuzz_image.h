@@ -5,7 +5,7 @@
 #include <math.h>
 
 #include "fuzz.h"
-#include "image.h"
+#include "image/image.h"
 
 /* A header may promise a large picture in few bytes (run lengths, compression): that is no fault, but too
  * slow to read here. */

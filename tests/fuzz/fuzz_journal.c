@@ -10,7 +10,7 @@
 #include <zlib.h>
 
 #include "fuzz.h"
-#include "journal.h"
+#include "stagectl/journal.h"
 
 static const char conf[] = "[grid]\nnodes = 3x2\nplane = 0 0 0 0.2 0 0 0 0.1 0\n[stage]\nunit_mm = 1000\norigin = -500 -400\nfeed = 6000\n"
                            "[camera]\ncommand = cam {file}\nexposures = 0.25 1\n[output]\nfolder = out\nfile = {i}_{j}_{k}.ppm\n";

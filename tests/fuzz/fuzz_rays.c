@@ -6,7 +6,7 @@
 /* the program itself, for its reader of rays */
 #define main ilftrace_main
 int ilftrace_main(int argc, char **argv);
-#include "../../ilfmat/ilftrace.c"
+#include "../../ilfmat/programs/ilftrace.c"
 
 static ilf *the_field(void)
 {

@@ -2,7 +2,7 @@
 #include <math.h>
 
 #include "fuzz.h"
-#include "response.h"
+#include "hdrgen/response.h"
 
 static void check_response(const char *path, int channels, int max_code)
 {

@@ -2,8 +2,8 @@
 #include <math.h>
 
 #include "fuzz.h"
-#include "names.h"
-#include "session.h"
+#include "stagectl/names.h"
+#include "stagectl/session.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {

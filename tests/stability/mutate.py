@@ -18,68 +18,68 @@ TOP = Path(__file__).resolve().parents[2]
 COPY = TOP / "build" / "mutants"
 
 # name: (file, old, new, what make builds, test that must notice)
-EVAL, FILES, STIFF, FAULTS = "tests/test_ilf_eval.py::", "tests/test_ilf_files.py::", "tests/test_hdrgen_stiff.py::", "tests/stability/test_faults.py::"
-LOOKUP, CORPUS, STAGE = "tests/stability/test_lookup.py::", "tests/stability/test_corpus.py::", "tests/test_stagectl_faults.py::"
+EVAL, FILES, STIFF, FAULTS = "tests/ilfmat/test_ilf_eval.py::", "tests/ilfmat/test_ilf_files.py::", "tests/hdrgen/test_hdrgen_stiff.py::", "tests/stability/test_faults.py::"
+LOOKUP, CORPUS, STAGE = "tests/stability/test_lookup.py::", "tests/stability/test_corpus.py::", "tests/stagectl/test_stagectl_faults.py::"
 TRACE = "build/bin/ilftrace build/test/ilfstorm"
 
 MUTATIONS = {
     # ---- the lookup
-    "pole-without-mean": ("ilfmat/ilf_eval_avx2.c", "if (__builtin_expect(t.poles, 0)) add_poles", "if (0) add_poles", TRACE, EVAL + "test_ilftrace_at_poles_seams_nodes_and_edges"),
-    "pole-jumps": ("ilfmat/ilf_eval_avx2.c", "two = _mm256_set1_pd(2);", "two = _mm256_set1_pd(1.8);", TRACE, LOOKUP + "test_rays_by_the_million"),
-    "clamp-of-plane-coordinates": ("ilfmat/ilf_eval_avx2.c", "last), _mm_setzero_pd()), last);", "last), _mm_setzero_pd()), _mm_sub_pd(last, _mm_set1_pd(1e-3)));", TRACE, EVAL + "test_ilftrace_extreme_planes"),
-    "polarValid-ignored": ("ilfmat/ilf_eval_avx2.c", "_mm256_set1_pd(f->info.polar_valid)", "_mm256_set1_pd(f->info.polar_max)", TRACE, EVAL + "test_ilftrace_polar_valid"),
-    "seam-not-wrapped": ("ilfmat/ilf_eval_avx2.c", "_mm_add_epi32(x, _mm_and_si128(before, n))", "_mm_andnot_si128(before, x)", TRACE, LOOKUP + "test_rays_by_the_million"),
-    "grazing-cut-early": ("ilfmat/ilf_eval_avx2.c", "if (!(dn < 0)) return ILF_UNUSUAL;", "if (!(dn < 1e-9)) return ILF_UNUSUAL;", TRACE, EVAL + "test_ilftrace_near_parallel_rays"),
-    "reciprocal-of-a-denormal": ("ilfmat/ilf_eval.c", "(vec){a.u / size, a.v / size, a.n / size}; /*", "(vec){a.u * (1 / size), a.v * (1 / size), a.n * (1 / size)}; /*", "build/test/fuzz_rays", CORPUS + "test_replay[rays]"),
-    "overflow-far-away": ("ilfmat/ilf_eval.c", "if (!(largest(h) < 1e300)) {", "if (0) {", "build/test/fuzz_rays", CORPUS + "test_replay[rays]"),
-    "no-depth-correction": ("ilfmat/ilf_eval.c", "const int corrected = hit && mode == ILF_DEPTH;\n\n    if (f->fast", "const int corrected = hit && mode != ILF_DEPTH;\n\n    if (f->fast", TRACE, EVAL + "test_ilftrace_agrees"),
-    "skewed-plane-taken-as-square": ("ilfmat/ilf_eval_avx2.c", "_mm256_fnmadd_pd(qu, skew, _mm256_sub_pd(_mm256_set1_pd(hv), qv))", "_mm256_sub_pd(_mm256_set1_pd(hv), qv)", TRACE, EVAL + "test_ilftrace_extreme_planes"),
-    "rel-in-float": ("ilfmat/ilf_eval_avx2.c", "x = from[0] - fr->origin[0],", "x = (double)((float)from[0] - (float)fr->origin[0]),", TRACE, LOOKUP + "test_error_growth_with_offset"),
-    "half-blue-lost": ("ilfmat/ilf_eval_avx2.c", "_mm_castps_si128(low), 4)), high);", "_mm_castps_si128(low), 0)), high);", TRACE, EVAL + "test_ilftrace_reads_each_compression"),
-    "any-ray-differs": ("ilfmat/ilf_eval.c", "at.top = fmax(2 * fy + 1, 0);", "at.top = 1;", "build/test/ilfboth", "tests/test_ilf_interleaved.py::test_any_ray_and_usual_rays[half-sphere]"),
-    "second-part-believed": ("ilfmat/ilf_probe.c", "(p->checked || ilf_same_texels(f, f->map + second.data_offset, chunk.data_offset))", "1", TRACE + " build/bin/ilfinfo build/test/ilfboth build/test/ilfcopy", "tests/test_ilf_interleaved.py::test_edited_first_part_counts"),
+    "pole-without-mean": ("ilfmat/lookup/ilf_eval_avx2.c", "if (__builtin_expect(t.poles, 0)) add_poles", "if (0) add_poles", TRACE, EVAL + "test_ilftrace_at_poles_seams_nodes_and_edges"),
+    "pole-jumps": ("ilfmat/lookup/ilf_eval_avx2.c", "two = _mm256_set1_pd(2);", "two = _mm256_set1_pd(1.8);", TRACE, LOOKUP + "test_rays_by_the_million"),
+    "clamp-of-plane-coordinates": ("ilfmat/lookup/ilf_eval_avx2.c", "last), _mm_setzero_pd()), last);", "last), _mm_setzero_pd()), _mm_sub_pd(last, _mm_set1_pd(1e-3)));", TRACE, EVAL + "test_ilftrace_extreme_planes"),
+    "polarValid-ignored": ("ilfmat/lookup/ilf_eval_avx2.c", "_mm256_set1_pd(f->info.polar_valid)", "_mm256_set1_pd(f->info.polar_max)", TRACE, EVAL + "test_ilftrace_polar_valid"),
+    "seam-not-wrapped": ("ilfmat/lookup/ilf_eval_avx2.c", "_mm_add_epi32(x, _mm_and_si128(before, n))", "_mm_andnot_si128(before, x)", TRACE, LOOKUP + "test_rays_by_the_million"),
+    "grazing-cut-early": ("ilfmat/lookup/ilf_eval_avx2.c", "if (!(dn < 0)) return ILF_UNUSUAL;", "if (!(dn < 1e-9)) return ILF_UNUSUAL;", TRACE, EVAL + "test_ilftrace_near_parallel_rays"),
+    "reciprocal-of-a-denormal": ("ilfmat/lookup/ilf_eval.c", "(vec){a.u / size, a.v / size, a.n / size}; /*", "(vec){a.u * (1 / size), a.v * (1 / size), a.n * (1 / size)}; /*", "build/test/fuzz_rays", CORPUS + "test_replay[rays]"),
+    "overflow-far-away": ("ilfmat/lookup/ilf_eval.c", "if (!(largest(h) < 1e300)) {", "if (0) {", "build/test/fuzz_rays", CORPUS + "test_replay[rays]"),
+    "no-depth-correction": ("ilfmat/lookup/ilf_eval.c", "const int corrected = hit && mode == ILF_DEPTH;\n\n    if (f->fast", "const int corrected = hit && mode != ILF_DEPTH;\n\n    if (f->fast", TRACE, EVAL + "test_ilftrace_agrees"),
+    "skewed-plane-taken-as-square": ("ilfmat/lookup/ilf_eval_avx2.c", "_mm256_fnmadd_pd(qu, skew, _mm256_sub_pd(_mm256_set1_pd(hv), qv))", "_mm256_sub_pd(_mm256_set1_pd(hv), qv)", TRACE, EVAL + "test_ilftrace_extreme_planes"),
+    "rel-in-float": ("ilfmat/lookup/ilf_eval_avx2.c", "x = from[0] - fr->origin[0],", "x = (double)((float)from[0] - (float)fr->origin[0]),", TRACE, LOOKUP + "test_error_growth_with_offset"),
+    "half-blue-lost": ("ilfmat/lookup/ilf_eval_avx2.c", "_mm_castps_si128(low), 4)), high);", "_mm_castps_si128(low), 0)), high);", TRACE, EVAL + "test_ilftrace_reads_each_compression"),
+    "any-ray-differs": ("ilfmat/lookup/ilf_eval.c", "at.top = fmax(2 * fy + 1, 0);", "at.top = 1;", "build/test/ilfboth", "tests/ilfmat/test_ilf_interleaved.py::test_any_ray_and_usual_rays[half-sphere]"),
+    "second-part-believed": ("ilfmat/file/ilf_probe.c", "(p->checked || ilf_same_texels(f, f->map + second.data_offset, chunk.data_offset))", "1", TRACE + " build/bin/ilfinfo build/test/ilfboth build/test/ilfcopy", "tests/ilfmat/test_ilf_interleaved.py::test_edited_first_part_counts"),
     # ---- the file
-    "truncation-unseen": ("ilfmat/ilf_file.c", "little_endian(size, 4) > end - last - head)", "0)", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),
-    "table-unchecked": ("ilfmat/ilf_file.c", "if (at < table + (uint64_t)n * 8 || at >= end) {", "if (0) {", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),
-    "nan-half-accepted": ("ilfmat/ilf_probe.c", "(h & 0x7c00u) == 0x7c00u", "h == 0x7c00u", TRACE, FILES + "test_texel_that_is_no_number_is_named"),
-    "change-unseen": ("ilfmat/ilf_probe.c", "    struct stat st;\n\n    if (fstat(f->fd, &st) != 0) return", "    struct stat st;\n\n    if (f->fd >= 0) return ILF_OK;\n    if (fstat(f->fd, &st) != 0) return", TRACE, "tests/stability/test_sharing.py::test_overwritten_while_read"),
-    "dwa-by-name": ("ilfmat/ilf_dwa.c", "ImfOpenTiledInputFile(name)", "ImfOpenTiledInputFile(f->path)", TRACE, "tests/stability/test_sharing.py::test_replaced_while_read"),
-    "not-perpendicular-accepted": ("ilfmat/ilf_frame.c", "if (fabs(uv) > 1e-4)", "if (fabs(uv) > 1e-2)", TRACE + " build/bin/ilfinfo", FILES + "test_edges_are_perpendicular"),
-    "texel-beyond-half-packed": ("ilfmat/ilf_write.c", "if (fabsf(rgb[k]) > 65504.f)", "if (0)", "build/bin/ilfpack", "tests/test_ilf_commands.py::test_ilfpack_refuses"),
+    "truncation-unseen": ("ilfmat/file/ilf_file.c", "little_endian(size, 4) > end - last - head)", "0)", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),
+    "table-unchecked": ("ilfmat/file/ilf_file.c", "if (at < table + (uint64_t)n * 8 || at >= end) {", "if (0) {", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),
+    "nan-half-accepted": ("ilfmat/file/ilf_probe.c", "(h & 0x7c00u) == 0x7c00u", "h == 0x7c00u", TRACE, FILES + "test_texel_that_is_no_number_is_named"),
+    "change-unseen": ("ilfmat/file/ilf_probe.c", "    struct stat st;\n\n    if (fstat(f->fd, &st) != 0) return", "    struct stat st;\n\n    if (f->fd >= 0) return ILF_OK;\n    if (fstat(f->fd, &st) != 0) return", TRACE, "tests/stability/test_sharing.py::test_overwritten_while_read"),
+    "dwa-by-name": ("ilfmat/file/ilf_dwa.c", "ImfOpenTiledInputFile(name)", "ImfOpenTiledInputFile(f->path)", TRACE, "tests/stability/test_sharing.py::test_replaced_while_read"),
+    "not-perpendicular-accepted": ("ilfmat/lookup/ilf_frame.c", "if (fabs(uv) > 1e-4)", "if (fabs(uv) > 1e-2)", TRACE + " build/bin/ilfinfo", FILES + "test_edges_are_perpendicular"),
+    "texel-beyond-half-packed": ("ilfmat/file/ilf_write.c", "if (fabsf(rgb[k]) > 65504.f)", "if (0)", "build/bin/ilfpack", "tests/ilfmat/test_ilf_commands.py::test_ilfpack_refuses"),
     # ---- sampling
-    "patch-narrower-than-it-is": ("ilfmat/ilf_slice.c", "const double reach = cone + half_cell;", "const double reach = 1e-3 + 0 * (cone + half_cell);", "build/test/ilfdraw", "tests/test_ilf_sampling.py::test_no_direction_with_excess_is_missed[lamps-box]"),
-    "things-behind-lamps-lost": ("ilfmat/ilf_patches.c", "HALVINGS = 3, MAX_LAYERS = 6", "HALVINGS = 3, MAX_LAYERS = 1", "build/test/ilfdraw", "tests/test_ilf_sampling.py::test_light_shows_on_what_stands_behind_a_lamp"),
-    "density-too-high": ("ilfmat/ilf_draw.c", "(1 - SLICE_UNIFORM) * map;", "(1 - SLICE_UNIFORM) * map * 1.05;", "build/test/ilfdraw", "tests/test_ilf_sampling.py::test_integrals_of_the_density"),
-    "weights-in-radiance": ("ilfmat/ilf_patches.c", "(double)s->patches.p[k].excess / s->unit, 1e-30", "(double)s->patches.p[k].excess, 0", "build/test/ilfdraw", LOOKUP + "test_sampler_at_any_level"),
-    "split-counts-twice": ("radiance_patch/m_ilf.c", "if (part == ILF_BASE)", "if (part == ILF_BASE && 0)", "build/bin/rtrace", "tests/test_radiance_di.py::test_irradiance_is_the_oracles_integral"),
-    "lamps-coefficients": ("radiance_patch/ilfsrc.c", "dirparts = n | DIRBLIND;", "dirparts = n;", "build/bin/rtrace", "tests/test_radiance_di.py::test_coefficients_are_those_of_scattered_rays[varnish-0]"),
+    "patch-narrower-than-it-is": ("ilfmat/sampling/ilf_slice.c", "const double reach = cone + half_cell;", "const double reach = 1e-3 + 0 * (cone + half_cell);", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_no_direction_with_excess_is_missed[lamps-box]"),
+    "things-behind-lamps-lost": ("ilfmat/sampling/ilf_patches.c", "HALVINGS = 3, MAX_LAYERS = 6", "HALVINGS = 3, MAX_LAYERS = 1", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_light_shows_on_what_stands_behind_a_lamp"),
+    "density-too-high": ("ilfmat/sampling/ilf_draw.c", "(1 - SLICE_UNIFORM) * map;", "(1 - SLICE_UNIFORM) * map * 1.05;", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_integrals_of_the_density"),
+    "weights-in-radiance": ("ilfmat/sampling/ilf_patches.c", "(double)s->patches.p[k].excess / s->unit, 1e-30", "(double)s->patches.p[k].excess, 0", "build/test/ilfdraw", LOOKUP + "test_sampler_at_any_level"),
+    "split-counts-twice": ("radiance_patch/m_ilf.c", "if (part == ILF_BASE)", "if (part == ILF_BASE && 0)", "build/bin/rtrace", "tests/radiance_patch/test_radiance_di.py::test_irradiance_is_the_oracles_integral"),
+    "lamps-coefficients": ("radiance_patch/ilfsrc.c", "dirparts = n | DIRBLIND;", "dirparts = n;", "build/bin/rtrace", "tests/radiance_patch/test_radiance_di.py::test_coefficients_are_those_of_scattered_rays[varnish-0]"),
     # ---- hdrgen
     "clipped-code-trusted": ("tools/hdrgen/mergetab.c", "v->valid = z < top;", "v->valid = 1;", "build/bin/hdrgen", "tests/stability/test_weights.py::test_clipped_against_expectation"),
     "weights-not-zero-at-the-ends": ("tools/hdrgen/mergetab.c", "else if (inside)\n            w = 2 * fmin(z, top - z) / top;", "else\n            w = 2 * fmin(z + 1, top + 1 - z) / top;", "build/bin/hdrgen", "tests/stability/test_weights.py::test_ends_of_the_range_weigh_nothing"),
     "smoothness-forgotten": ("tools/hdrgen/debevec.c", "curve_penalty(q, b, lambda, NULL)", "curve_penalty(q, b, 0 * lambda, NULL)", "build/bin/hdrgen", "tests/stability/test_conditioning.py::test_smoothness_acts"),
-    "response-not-monotone": ("tools/hdrgen/response.c", "while (blocks > 1 && mean[blocks - 1] < mean[blocks - 2]) {", "while (blocks > 1 && mean[blocks - 1] < mean[blocks - 2] - 1) {", "build/test/hdrgenparts", "tests/test_hdrgen_parts.py::test_monotone_is_isotonic_regression_of_the_logarithm"),
-    "time-read-as-zero": ("tools/hdrgen/times.c", "|| !(t > 0)) {", ") {", "build/test/fuzz_times build/bin/hdrgen", "tests/test_hdrgen.py::test_bad_times"),
+    "response-not-monotone": ("tools/hdrgen/response.c", "while (blocks > 1 && mean[blocks - 1] < mean[blocks - 2]) {", "while (blocks > 1 && mean[blocks - 1] < mean[blocks - 2] - 1) {", "build/test/hdrgenparts", "tests/hdrgen/test_hdrgen_parts.py::test_monotone_is_isotonic_regression_of_the_logarithm"),
+    "time-read-as-zero": ("tools/hdrgen/times.c", "|| !(t > 0)) {", ") {", "build/test/fuzz_times build/bin/hdrgen", "tests/hdrgen/test_hdrgen.py::test_bad_times"),
     # ---- fishremap, falloffcal
     "jacobian-constant": ("tools/fishremap/weights.c", "(float)(per_area_at(&src->lens, (double)k / TABLE, 0.5 / src->radius)", "(float)(per_area_at(&src->lens, 0.0 * k / TABLE, 0.5 / src->radius)", "build/bin/fishremap", "tests/stability/test_remap.py::test_mean_of_a_hemisphere"),
     "table-off-the-axis": ("tools/fishremap/lens.c", "if (l->tab_t[0] != 0 || l->tab_r[0] != 0)", "if (0)", "build/test/fuzz_lens", CORPUS + "test_replay[lens]"),
     "inverse-ends-early": ("tools/fishremap/lens.c", "if (least <= 2 * DBL_EPSILON * r) break;", "if (least <= 1e-9) break;", "build/test/fuzz_lens", CORPUS + "test_replay[lens]"),
-    "chords-too-long": ("tools/fishremap/outline.c", " || step / m > WIDEST", "", "build/bin/fishremap", "tests/test_fishremap.py::test_texels_that_are_wholly_seen_have_alpha_one[0]"),
+    "chords-too-long": ("tools/fishremap/outline.c", " || step / m > WIDEST", "", "build/bin/fishremap", "tests/fishremap/test_fishremap.py::test_texels_that_are_wholly_seen_have_alpha_one[0]"),
     "falloff-may-rise": ("tools/fishremap/falloff_fit.c", "if (rises && solve_monotone", "if (rises && 0 && solve_monotone", "build/bin/falloffcal", "tests/stability/test_conditioning.py::test_flat_and_noisy"),
-    "falloff-trusts-all": ("tools/fishremap/falloff_outliers.c", "if (d->n < 5) return 0;", "if (d->n >= 0) return 0;", "build/bin/falloffcal", "tests/test_falloffcal.py::test_wild_outliers_survive"),
+    "falloff-trusts-all": ("tools/fishremap/falloff_outliers.c", "if (d->n < 5) return 0;", "if (d->n >= 0) return 0;", "build/bin/falloffcal", "tests/fishremap/test_falloffcal.py::test_wild_outliers_survive"),
     # ---- stagectl
     "journal-not-synced": ("tools/stagectl/shot.c", "    if (journal_sync(r->j, e) != 0) return -1;\n    while", "    while", "build/bin/stagectl build/bin/virtualstage", FAULTS + "test_order_of_the_journal"),
     "journal-before-its-files": ("tools/stagectl/journal.c", "syncfs(j->lock_fd) != 0 || fdatasync(j->fd) != 0", "fdatasync(j->fd) != 0 || syncfs(j->lock_fd) != 0", "build/bin/stagectl build/bin/virtualstage", FAULTS + "test_order_of_the_journal"),
     "checksum-unchecked": ("tools/stagectl/journal.c", "crc == crc_of(line + 9, n - 9) ?", "crc + 1 > 0 ?", "build/bin/stagectl build/bin/virtualstage", STAGE + "test_damage_in_the_middle_is_refused"),
     "empty-journal-accepted": ("tools/stagectl/journal.c", "if (st.st_size == 0) return", "if (st.st_size < 0) return", "build/test/fuzz_journal", CORPUS + "test_replay[journal]"),
-    "any-place-believed": ("tools/stagectl/grbl.c", "<= 0.5 / s->facts.steps_per_mm[a] + 1.02 * digit;", "<= 5e6 / s->facts.steps_per_mm[a] + 1.02 * digit;", "build/bin/stagectl build/bin/virtualstage", "tests/test_stagectl.py::test_a_position_that_is_not_the_target_is_not_believed"),
+    "any-place-believed": ("tools/stagectl/grbl.c", "<= 0.5 / s->facts.steps_per_mm[a] + 1.02 * digit;", "<= 5e6 / s->facts.steps_per_mm[a] + 1.02 * digit;", "build/bin/stagectl build/bin/virtualstage", "tests/stagectl/test_stagectl.py::test_a_position_that_is_not_the_target_is_not_believed"),
     "names-unquoted": ("tools/stagectl/names.c", "{\"file\", s->shell ? quoted : file, 0},", "{\"file\", file, 0},", "build/bin/stagectl build/bin/virtualstage", STAGE + "test_names_with_blanks_and_quotes_are_safe_in_a_shell"),
     "names-foreseeable": ("tools/stagectl/shot.c", "\".shot-%016\" PRIx64 \"%s\", number, ending", "\".shot-%016\" PRIx64 \"%s\", number & 15, ending", "build/bin/stagectl build/bin/virtualstage", "tests/stability/test_sharing.py::test_temp_names"),
     # ---- common
-    "rename-before-sync": ("common/outfile.c", "|| sync_file(fd) < 0 || rename(", "|| rename(", "build/bin/ilfpack", FAULTS + "test_order_of_an_output[ilfpack]"),
-    "written-in-place": ("common/outfile.c", "    if (o->slot) {\n        if (remove_it) unlink", "    if (o->slot) {\n        if (remove_it < 0) unlink", "build/bin/hdrgen", FAULTS + "test_errors_at_the_nth_call[hdrgen-hdr]"),
-    "write-error-unnoticed": ("common/outfile.c", "int bad = ferror(o->stream);\n    if (fflush(o->stream) == EOF) bad = 1;", "int bad = 0;\n    fflush(o->stream);", "build/bin/hdrgen", FAULTS + "test_errors_at_the_nth_call[hdrgen-hdr]"),
-    "sizes-unchecked": ("common/image.c", "width > IMG_MAX_SIDE || height > IMG_MAX_SIDE ||\n        width * height > IMG_MAX_PIXELS)", "width < 0)", "build/bin/fishremap", "tests/stability/test_sharing.py::test_products_of_sizes"),
-    "run-length-unchecked": ("common/image_hdr.c", "if (x == 0 || run > s->length - x) return", "if (x == 0) return", "build/test/fuzz_hdr build/test/imgtool", CORPUS + "test_replay[hdr]"),
+    "rename-before-sync": ("common/base/outfile.c", "|| sync_file(fd) < 0 || rename(", "|| rename(", "build/bin/ilfpack", FAULTS + "test_order_of_an_output[ilfpack]"),
+    "written-in-place": ("common/base/outfile.c", "    if (o->slot) {\n        if (remove_it) unlink", "    if (o->slot) {\n        if (remove_it < 0) unlink", "build/bin/hdrgen", FAULTS + "test_errors_at_the_nth_call[hdrgen-hdr]"),
+    "write-error-unnoticed": ("common/base/outfile.c", "int bad = ferror(o->stream);\n    if (fflush(o->stream) == EOF) bad = 1;", "int bad = 0;\n    fflush(o->stream);", "build/bin/hdrgen", FAULTS + "test_errors_at_the_nth_call[hdrgen-hdr]"),
+    "sizes-unchecked": ("common/image/image.c", "width > IMG_MAX_SIDE || height > IMG_MAX_SIDE ||\n        width * height > IMG_MAX_PIXELS)", "width < 0)", "build/bin/fishremap", "tests/stability/test_sharing.py::test_products_of_sizes"),
+    "run-length-unchecked": ("common/image/image_hdr.c", "if (x == 0 || run > s->length - x) return", "if (x == 0) return", "build/test/fuzz_hdr build/test/imgtool", CORPUS + "test_replay[hdr]"),
 }
 
 def sh(words, **kw):

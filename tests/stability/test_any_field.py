@@ -20,7 +20,7 @@ def log_uniform(low, high):
 
 
 @given(seeds, log_uniform(1e-6, 1e6), log_uniform(1e-6, 1e6), log_uniform(1e-3, 1e6), st.booleans())
-@pytest.mark.case("any plane", "ilfmat/ilf_frame.c", "edges 1e-6 .. 1e6, ratio to 1e6, up to 1e6 edges away, any turn", "oracle in long double")
+@pytest.mark.case("any plane", "ilfmat/lookup/ilf_frame.c", "edges 1e-6 .. 1e6, ratio to 1e6, up to 1e6 edges away, any turn", "oracle in long double")
 def test_any_plane(tmp_path, worst, seed, across, along, away, depth):
     """Coordinates round to eps x distance; against the shorter edge that is the error in probes' pitches (test_lookup.py)."""
     assume(1e-6 <= across / along <= 1e6)
@@ -42,7 +42,7 @@ def test_any_plane(tmp_path, worst, seed, across, along, away, depth):
 @given(seeds, st.tuples(st.integers(1, 7), st.integers(1, 7)), st.tuples(st.integers(1, 33), st.integers(1, 17)),
        st.one_of(st.sampled_from(["hemisphere", "185deg", "sphere"]), st.floats(.02, PI)), st.one_of(st.none(), st.floats(.1, 1)),
        st.floats(0, 12), st.sampled_from(["none", "zip", "zips", "rle", "piz"]), st.booleans(), st.booleans())
-@pytest.mark.case("any grid, probes and range", "ilfmat/ilf_eval_avx2.c", "1..7 x 1..7 probes of 1..33 x 1..17, polarMax .02 .. pi, to 12 decades", "oracle to 1e-5")
+@pytest.mark.case("any grid, probes and range", "ilfmat/lookup/ilf_eval_avx2.c", "1..7 x 1..7 probes of 1..33 x 1..17, polarMax .02 .. pi, to 12 decades", "oracle to 1e-5")
 def test_any_shape(tmp_path, seed, grid, size, kind, valid, decades, compression, half, depth):
     rng = np.random.default_rng(seed)
     f = random_ilf(rng, *grid, *size, kind, half, decades=min(decades, 8) if half else decades)
@@ -54,7 +54,7 @@ def test_any_shape(tmp_path, seed, grid, size, kind, valid, decades, compression
 
 @given(seeds, st.tuples(st.integers(1, 3), st.integers(1, 3)), st.tuples(st.integers(1, 40), st.integers(1, 20)), st.sampled_from(["half", "float"]),
        st.sampled_from(["none", "rle", "zip", "zips", "piz"]), st.floats(-9, 3), st.floats(0, 8), st.one_of(st.none(), st.sampled_from([np.nan, np.inf, -np.inf])), st.booleans())
-@pytest.mark.case("any probes packed", "ilfmat/ilf_write.c", "1..3 x 1..3 probes of 1..40 x 1..20, 1e-9 .. 1e11, NaN, inf", "the same numbers, rounded to the type; or refused, the old file whole")
+@pytest.mark.case("any probes packed", "ilfmat/file/ilf_write.c", "1..3 x 1..3 probes of 1..40 x 1..20, 1e-9 .. 1e11, NaN, inf", "the same numbers, rounded to the type; or refused, the old file whole")
 def test_any_probes(tmp_path, seed, grid, size, kind, compression, low, decades, spoilt, interleaved):
     rng = np.random.default_rng(seed)
     probes = (10 ** rng.uniform(low, low + decades, (grid[1], grid[0], size[1], size[0], 3))).astype(np.float32)
@@ -85,7 +85,7 @@ def test_any_probes(tmp_path, seed, grid, size, kind, compression, low, decades,
 @examples(12)
 @given(seeds, st.tuples(st.integers(1, 5), st.integers(1, 5)), st.tuples(st.integers(1, 32), st.integers(1, 12)), st.sampled_from(["hemisphere", "185deg", "sphere"]),
        st.integers(0, 6), log_uniform(1e-3, 1e9), log_uniform(1e-3, 1e3), st.booleans())
-@pytest.mark.case("sampling any field from anywhere", "ilfmat/ilf_draw.c", "0..6 lamps, 1e-3 .. 1e9 of the rest, points 1e-3 .. 1e3 planes away", "densities finite, positive, the same drawn and asked")
+@pytest.mark.case("sampling any field from anywhere", "ilfmat/sampling/ilf_draw.c", "0..6 lamps, 1e-3 .. 1e9 of the rest, points 1e-3 .. 1e3 planes away", "densities finite, positive, the same drawn and asked")
 def test_any_lamps(tmp_path, worst, seed, grid, size, kind, lamps, bright, away, near):
     rng = np.random.default_rng(seed)
     f = random_ilf(rng, *grid, *size, kind, decades=1, plane=((0, 0, 0), (1, 0, 0), (0, 1, 0)))

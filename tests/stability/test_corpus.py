@@ -6,9 +6,9 @@ import pytest
 from conftest import BUILD, TOP, environment
 
 CORPUS = TOP / "tests/fuzz/corpus"
-GUARDS = {"curve": "tools/stagectl/curvefile.c", "exr": "common/image_exr.c", "falloff": "tools/fishremap/falloff.c", "grbl": "tools/stagectl/grbl_talk.c",
-          "hdr": "common/image_hdr.c", "ilf": "ilfmat/ilf_file.c", "journal": "tools/stagectl/journal.c", "lens": "tools/fishremap/lensfile.c",
-          "pnm": "common/image_pnm.c", "rays": "ilfmat/ilftrace.c", "response": "tools/hdrgen/respfile.c", "session": "tools/stagectl/session.c",
+GUARDS = {"curve": "tools/twin/curvefile.c", "exr": "common/image/image_exr.c", "falloff": "tools/fishremap/falloff.c", "grbl": "tools/stagectl/grbl_talk.c",
+          "hdr": "common/image/image_hdr.c", "ilf": "ilfmat/file/ilf_file.c", "journal": "tools/stagectl/journal.c", "lens": "tools/fishremap/lensfile.c",
+          "pnm": "common/image/image_pnm.c", "rays": "ilfmat/programs/ilftrace.c", "response": "tools/hdrgen/respfile.c", "session": "tools/stagectl/session.c",
           "times": "tools/hdrgen/times.c"}
 
 

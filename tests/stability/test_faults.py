@@ -75,8 +75,8 @@ def inputs(tmp_path_factory):
 
 
 PROGRAMS = ["hdrgen", "hdrgen-hdr", "fishremap", "falloffcal", "ilfpack", "ilfpack-zip", "ilfinfo", "ilftrace", "virtualcamera"]
-GUARDS = {"ilfpack": "ilfmat/ilf_write.c", "ilfpack-zip": "ilfmat/ilf_write.c", "ilftrace": "ilfmat/ilftrace.c",
-          "virtualcamera": "tools/stagectl/picture_out.c", "ilfinfo": "common/image_write.c"}
+GUARDS = {"ilfpack": "ilfmat/file/ilf_write.c", "ilfpack-zip": "ilfmat/file/ilf_write.c", "ilftrace": "ilfmat/programs/ilftrace.c",
+          "virtualcamera": "tools/twin/picture_out.c", "ilfinfo": "common/image/image_write.c"}
 
 
 def place(inputs, job, tmp_path, old=b"the old one"):
@@ -134,7 +134,7 @@ def reference(inputs, job, tmp_path):
 
 
 def rows(title, condition, expected):
-    return [pytest.param(n, marks=pytest.mark.case(f"{title}: {n}", GUARDS.get(n, "common/outfile.c"), condition, expected)) for n in PROGRAMS]
+    return [pytest.param(n, marks=pytest.mark.case(f"{title}: {n}", GUARDS.get(n, "common/base/outfile.c"), condition, expected)) for n in PROGRAMS]
 
 
 COUNTS = (1, 2, 3, 5, 9, 17, 40) if WIDE else (1, 3)
@@ -278,7 +278,7 @@ def test_names_and_places(inputs, tmp_path, name, row):
         one_line_error(r, job.program, "missing")
 
 
-@pytest.mark.case("reader of standard output that goes away", "ilfmat/ilftrace.c", "closed after the first line", "exit 1, no endless loop")
+@pytest.mark.case("reader of standard output that goes away", "ilfmat/programs/ilftrace.c", "closed after the first line", "exit 1, no endless loop")
 def test_closed_standard_output(inputs, tmp_path):
     folder, jobs = inputs
     rays = jobs["ilftrace"].stdin * 300
@@ -302,7 +302,7 @@ def test_closed_standard_output(inputs, tmp_path):
                                    ["ilfpack", "--grid", "2147483647x2147483647", "--plane", "0 0 0 1 0 0 0 1 0", "-o", "o.exr", "p0.exr"],
                                    ["virtualcamera", "--octree", "room.oct", "--plane", "0 0 0 1 0 0 0 1 0", "--at", "0,0", "--seconds", "1", "--size",
                                     "2000000", "-o", "o.ppm"]], ids=["remap", "remap-overflow", "grid", "camera"])
-@pytest.mark.case("absurd sizes asked for", "common/image.c", "2^17 .. 2^62 pixels or probes", "refused before memory is taken")
+@pytest.mark.case("absurd sizes asked for", "common/image/image.c", "2^17 .. 2^62 pixels or probes", "refused before memory is taken")
 def test_absurd_sizes(inputs, words, row):
     folder, _ = inputs
     r = run(words[0], *words[1:], cwd=folder, code=None)
@@ -380,7 +380,7 @@ def test_order_of_the_journal(tmp_path, row):
 
 
 @pytest.mark.parametrize("name", [n for n in PROGRAMS if n != "ilftrace"])
-@pytest.mark.case("order: contents, fsync, rename, folder", "common/outfile.c", "each output", "fsync between the last write and the rename")
+@pytest.mark.case("order: contents, fsync, rename, folder", "common/base/outfile.c", "each output", "fsync between the last write and the rename")
 def test_order_of_an_output(inputs, tmp_path, name):
     folder0, jobs = inputs
     job = jobs[name]

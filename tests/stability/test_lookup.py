@@ -14,7 +14,7 @@ from test_ilf_eval import trace
 from test_ilf_sampling import sample
 
 STORM = str(BUILD / "test/ilfstorm")
-EVAL, FRAME, PROBE = "ilfmat/ilf_eval.c", "ilfmat/ilf_frame.c", "ilfmat/ilf_probe.c"
+EVAL, FRAME, PROBE = "ilfmat/lookup/ilf_eval.c", "ilfmat/lookup/ilf_frame.c", "ilfmat/file/ilf_probe.c"
 
 
 # ---- an oracle in long double --------------------------------------------------------------------------
@@ -166,7 +166,7 @@ def test_rays_by_the_million(fields, name, row):
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("name, depth", [("185deg", True), ("sphere", False), ("lit-texel", True)])
-@pytest.mark.case("random and adversarial rays through ilftrace", "ilfmat/ilftrace.c", "rays", "finite, >= 0, continuous")
+@pytest.mark.case("random and adversarial rays through ilftrace", "ilfmat/programs/ilftrace.c", "rays", "finite, >= 0, continuous")
 def test_rays_through_ilftrace(fields, name, depth, scale, row):
     """1e5 each in the suite, 1.2e6 (1e7 in all) in make stability."""
     n = (1_200_000 if WIDE else 60_000)
@@ -225,7 +225,7 @@ def test_grazing(tmp_path_factory, up, azimuth):
             assert_same(got[:1], got[1:], rel=1e-6)
 
 
-@pytest.mark.case("float denormals and the largest float", "ilfmat/ilf_eval_avx2.c", "1.4e-45 .. 3.4e38", "exact")
+@pytest.mark.case("float denormals and the largest float", "ilfmat/lookup/ilf_eval_avx2.c", "1.4e-45 .. 3.4e38", "exact")
 def test_ends_of_float(tmp_path):
     v = np.array([1.4e-45, 1e-40, 1.1754944e-38, 3.4028235e38], np.float32)
     f = ILF(np.broadcast_to(v[None, :, None, None, None], (1, 4, 3, 5, 3)).astype(float), U=(3, 0, 0), V=(0, 1, 0))
@@ -235,7 +235,7 @@ def test_ends_of_float(tmp_path):
     assert (np.abs(got / v[:, None].astype(float) - 1)[1:] < 1e-5).all() and got[0, 0] > 0
 
 
-@pytest.mark.case("sampling light near the largest float", "ilfmat/ilf_slice.c", "radiance 1e36 .. 3e38", "densities finite, integral 1")
+@pytest.mark.case("sampling light near the largest float", "ilfmat/sampling/ilf_slice.c", "radiance 1e36 .. 3e38", "densities finite, integral 1")
 @pytest.mark.parametrize("level", [1e-38, 1e-3, 1e36])
 def test_sampler_at_any_level(tmp_path, level, row):
     """Found by fuzzing: sums of weights left a float's range.  The draws depend on the light's shape alone."""
@@ -254,7 +254,7 @@ def test_sampler_at_any_level(tmp_path, level, row):
     assert error < 1e-3
 
 
-@pytest.mark.case("light field of enormous grid", "ilfmat/ilf_file.c", "46340 x 46340 probes, 1 texel", "refused or opened in little memory")
+@pytest.mark.case("light field of enormous grid", "ilfmat/file/ilf_file.c", "46340 x 46340 probes, 1 texel", "refused or opened in little memory")
 def test_enormous_grid(tmp_path, row):
     """A table of 2^31 tiles in a file of 1 kB: refused by the file's length, before the table is asked for."""
     path = sparse_ilf(tmp_path / "f.ilf.exr", 2, 2, 1, 1)
@@ -267,7 +267,7 @@ def test_enormous_grid(tmp_path, row):
 
 
 @pytest.mark.parametrize("compression", ["none", "zip"])
-@pytest.mark.case("truncated light field, opened only", "ilfmat/ilf_file.c", "1 byte to a probe short", "refused at once, not in the middle of a picture")
+@pytest.mark.case("truncated light field, opened only", "ilfmat/file/ilf_file.c", "1 byte to a probe short", "refused at once, not in the middle of a picture")
 def test_truncation_is_seen_at_once(tmp_path, compression):
     path = write_ilf(tmp_path / "f.ilf.exr", random_ilf(np.random.default_rng(12), 3, 2, 8, 4), compression=compression)
     data = path.read_bytes()

@@ -21,7 +21,7 @@ for j in MORE.values():
 NAMES = ["hdrgen", "fishremap", "falloffcal", "ilfpack", "ilfpack-zip", "ilfinfo", "ilftrace", *MORE]
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.case(f"out of memory: {n}", "common/errmsg.c", "the n-th allocation fails",
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.case(f"out of memory: {n}", "common/base/errmsg.c", "the n-th allocation fails",
                                                                          "done, or exit 1 and one line")) for n in NAMES])
 def test_any_allocation_may_fail(inputs, tmp_path, name, row):     # noqa: F811
     if not SHIM.exists():

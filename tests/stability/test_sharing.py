@@ -21,7 +21,7 @@ def constant(value, compression="none", path=None):
 
 
 @pytest.mark.parametrize("compression", ["none", "zip", "dwaa"])
-@pytest.mark.case("light field replaced by rename while it is read", "ilfmat/ilf_dwa.c", "after the first of 16 probes", "the old one to the end, never mixed")
+@pytest.mark.case("light field replaced by rename while it is read", "ilfmat/file/ilf_dwa.c", "after the first of 16 probes", "the old one to the end, never mixed")
 def test_replaced_while_read(tmp_path, compression):
     """ilftrace is fed one ray, the file is replaced, then the rays that need all other probes."""
     path = constant(2, compression, tmp_path / "f.ilf.exr")
@@ -40,7 +40,7 @@ def test_replaced_while_read(tmp_path, compression):
 
 
 @pytest.mark.parametrize("which", ["another probe", "the same probe"])
-@pytest.mark.case("light field written over in place while it is read", "ilfmat/ilf_probe.c", "same size, other values", "refused, one line")
+@pytest.mark.case("light field written over in place while it is read", "ilfmat/file/ilf_probe.c", "same size, other values", "refused, one line")
 def test_overwritten_while_read(tmp_path, which):
     """A mapped file changes under its reader: no answer may be taken for the opened file's."""
     path, new = constant(2, path=tmp_path / "f.ilf.exr"), constant(4, path=tmp_path / "new.exr")
@@ -72,7 +72,7 @@ def test_overwritten_while_rendered(tmp_path):
     assert p.returncode == 1 and err.count(b"\n") == 1 and b"changed" in err, (p.returncode, err)
 
 
-@pytest.mark.case("light field replaced while it is rendered", "ilfmat/ilf_probe.c", "40 replacements during rtrace", "each picture one or the other")
+@pytest.mark.case("light field replaced while it is rendered", "ilfmat/file/ilf_probe.c", "40 replacements during rtrace", "each picture one or the other")
 def test_replaced_while_rendered(tmp_path, row):
     sizes = [constant(v, "none", tmp_path / f"{v}.exr") for v in (2, 4)]
     path = tmp_path / "f.ilf.exr"
@@ -109,7 +109,7 @@ def test_replaced_while_rendered(tmp_path, row):
     row(result=f"values {[float(s[0]) for s in seen]}")
 
 
-@pytest.mark.case("two renders share one light field", "ilfmat/ilf_probe.c", "4 processes at once", "the same answers")
+@pytest.mark.case("two renders share one light field", "ilfmat/file/ilf_probe.c", "4 processes at once", "the same answers")
 def test_shared(tmp_path):
     f = random_ilf(np.random.default_rng(2), 6, 6, 16, 8)
     path = write_ilf(tmp_path / "f.ilf.exr", f, compression="zip")
@@ -129,7 +129,7 @@ def test_shared(tmp_path):
     assert all(p.returncode == 0 for p in many) and out.count(out[0]) == 4
 
 
-@pytest.mark.case("two programs write one output", "common/outfile.c", "8 ilfpack at once", "one of them whole, nothing else")
+@pytest.mark.case("two programs write one output", "common/base/outfile.c", "8 ilfpack at once", "one of them whole, nothing else")
 def test_same_output(tmp_path):
     import OpenEXR
     for k in range(4):
@@ -195,7 +195,7 @@ def test_no_predictable_names_in_the_sources():
             assert not ("getpid()" in line and "printf" in line), (p, line)
 
 
-@pytest.mark.case("temporary names differ from run to run", "common/outfile.c", "getrandom, O_EXCL", "a planted link is not followed")
+@pytest.mark.case("temporary names differ from run to run", "common/base/outfile.c", "getrandom, O_EXCL", "a planted link is not followed")
 def test_temp_names(tmp_path):
     """Names seen while two runs of the same work: 6 letters of 62."""
     seen = set()
@@ -236,7 +236,7 @@ def test_names_stay_in_the_folder(tmp_path, name):
     one_line_error(run("stagectl", "plan", path, code=None), "stagectl", "expected a name below the folder")
 
 
-@pytest.mark.case("sizes are checked before they are multiplied", "common/image.c", "a product over 2^63 in each size field", "refused, no crash, little memory")
+@pytest.mark.case("sizes are checked before they are multiplied", "common/image/image.c", "a product over 2^63 in each size field", "refused, no crash, little memory")
 @pytest.mark.parametrize("head", [b"P6\n3037000500 3037000500\n255\n", b"P5\n65536 65537\n65535\n", b"PF\n131073 1\n-1\n", b"Pf\n1 99999999999999999999\n-1\n",
                                   b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 131072 +X 131073\n", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4294967297 +X 1\n"])
 def test_products_of_sizes(tmp_path, head):

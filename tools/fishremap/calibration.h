@@ -14,7 +14,7 @@
 #ifndef CALIBRATION_H
 #define CALIBRATION_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "lens.h"
 
 /* Is this text of one of these kinds? */

@@ -10,7 +10,7 @@
 #ifndef CIRCLE_H
 #define CIRCLE_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 typedef enum circle_kind {
     CIRCLE_LENS, /* light inside, dark outside */

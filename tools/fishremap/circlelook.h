@@ -5,7 +5,7 @@
 #define CIRCLELOOK_H
 
 #include "circle.h"
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 typedef struct circle_look {
     int any;        /* there is one; else the rest is 0 */

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "cli.h"
+#include "base/cli.h"
 #include "falloff.h"
 #include "lens.h"
 #include "lensfile.h"

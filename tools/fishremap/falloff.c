@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "textfile.h"
+#include "base/textfile.h"
 
 #define DEG (M_PI / 180)
 #define MAX_POWER 32

@@ -16,7 +16,7 @@
 #define FALLOFF_H
 
 #include "chart.h"
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 #define FALLOFF_STEPS 2048
 

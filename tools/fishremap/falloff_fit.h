@@ -11,7 +11,7 @@
 #ifndef FALLOFF_FIT_H
 #define FALLOFF_FIT_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 #define FIT_NODES 49
 

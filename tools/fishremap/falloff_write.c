@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "outfile.h"
+#include "base/outfile.h"
 
 #define DEG (M_PI / 180)
 

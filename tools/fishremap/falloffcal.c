@@ -10,9 +10,9 @@
 #include <string.h>
 
 #include "circle.h"
-#include "cli.h"
+#include "base/cli.h"
 #include "falloff_write.h"
-#include "image.h"
+#include "image/image.h"
 #include "lensfile.h"
 #include "sourcedisc.h"
 

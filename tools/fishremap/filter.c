@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "image.h"
+#include "image/image.h"
 
 /* Sums over a part of a row of finer texels: radiance (3), what is seen of the solid angle, and all of it; all by weight. */
 enum { SEEN = 3, ALL = 4, SUMS = 5 };

@@ -13,7 +13,7 @@
 #define FILTER_H
 
 #include "chart.h"
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 #define FILTER_LEAST 0.25 /* standard deviations, in texels of the output */
 #define FILTER_MOST 8.0

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "options.h"
-#include "outfile.h"
+#include "base/outfile.h"
 
 /* OUT with its % replaced by the picture's name without folder and ending; malloc'd. */
 static char *name_for(const char *out, const char *in)

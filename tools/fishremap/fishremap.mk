@@ -6,4 +6,4 @@ $(FISHREMAP_BENCH)/.made: | $(VENV)/.made
 	@touch $@
 .PHONY: bench-fishremap
 bench-fishremap: $(B)/bin/fishremap $(FISHREMAP_BENCH)/.made
-	ILF_BUILD=$(B) $(FISHREMAP_BENCH)/bin/python tests/bench_fishremap.py
+	ILF_BUILD=$(B) $(FISHREMAP_BENCH)/bin/python bench/fishremap/bench.py

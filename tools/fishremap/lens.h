@@ -24,7 +24,7 @@
 #ifndef LENS_H
 #define LENS_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 #define LENS_MAX_COEF 16
 #define LENS_MAX_TABLE 512

@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "calibration.h"
-#include "textfile.h"
+#include "base/textfile.h"
 
 #define DEG (M_PI / 180)
 

@@ -20,7 +20,7 @@
 #ifndef LENSFILE_H
 #define LENSFILE_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "lens.h"
 
 /* What the lens is for.  Zero: nothing known. */

@@ -14,7 +14,7 @@
 #include <string.h>
 
 #include "calibration.h"
-#include "textfile.h"
+#include "base/textfile.h"
 
 #define STEPS 8192
 

@@ -4,7 +4,7 @@
 #ifndef OPTIONS_H
 #define OPTIONS_H
 
-#include "cli.h"
+#include "base/cli.h"
 #include "settings.h"
 
 extern settings cfg;

@@ -4,7 +4,7 @@
 #ifndef OVERLAY_H
 #define OVERLAY_H
 
-#include "image.h"
+#include "image/image.h"
 #include "sphere.h"
 
 /* PNG of the picture (darkened, its 99th percentile white) with n circles and centre marks;

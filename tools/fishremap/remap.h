@@ -17,7 +17,7 @@
 #include <stdint.h>
 
 #include "chart.h"
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "slope.h"
 
 typedef struct remap_plan remap_plan;

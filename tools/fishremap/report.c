@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "outfile.h"
+#include "base/outfile.h"
 #include "settings.h"
 
 int report_write(const char *path, const outcome *o, errmsg *e)

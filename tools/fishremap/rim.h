@@ -12,7 +12,7 @@
 #define RIM_H
 
 #include "circle.h"
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 /* A picture's brightness (circle_grey) at one scale, and its gradient. */
 typedef struct rim_level {

@@ -6,7 +6,7 @@
 
 #include "chart.h"
 #include "circle.h"
-#include "image.h"
+#include "image/image.h"
 #include "ilf.h"
 #include "sphere.h"
 

@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 #include "chart.h"
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 /* A picture made ready.  pix: R G B and 1, or 0 for a bad pixel. */
 typedef struct remap_source {

@@ -5,7 +5,7 @@
 #define SOURCEDISC_H
 
 #include "chart.h"
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "falloff_fit.h"
 
 typedef struct source_disc {

@@ -14,7 +14,7 @@
 #ifndef SPHERE_H
 #define SPHERE_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 /* A sphere as seen: centre and radius in pixels. */
 typedef struct sphere_seen {

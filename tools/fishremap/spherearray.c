@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "filter.h"
-#include "outfile.h"
+#include "base/outfile.h"
 #include "overlay.h"
 #include "remap.h"
 #include "settings.h"

@@ -4,7 +4,7 @@
 #ifndef SPHEREPOSE_H
 #define SPHEREPOSE_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "sphere.h"
 
 typedef struct sphere_pose {

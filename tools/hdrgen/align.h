@@ -8,8 +8,8 @@
 #ifndef HDRGEN_ALIGN_H
 #define HDRGEN_ALIGN_H
 
-#include "errmsg.h"
-#include "motion.h"
+#include "base/errmsg.h"
+#include "vision/motion.h"
 
 typedef enum align_mode {
     ALIGN_NEVER,

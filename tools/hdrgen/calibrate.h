@@ -4,7 +4,7 @@
 #ifndef HDRGEN_CALIBRATE_H
 #define HDRGEN_CALIBRATE_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "noise.h"
 #include "response.h"
 #include "samples.h"

@@ -6,7 +6,7 @@
 #ifndef HDRGEN_CONTRADICT_H
 #define HDRGEN_CONTRADICT_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "noise.h"
 #include "response.h"
 #include "samples.h"

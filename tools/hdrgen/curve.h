@@ -5,7 +5,7 @@
 #define HDRGEN_CURVE_H
 
 #include "basis.h"
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "qrls.h"
 #include "response.h"
 

@@ -5,7 +5,7 @@
 #define HDRGEN_DEBEVEC_H
 
 #include "basis.h"
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "response.h"
 #include "samples.h"
 

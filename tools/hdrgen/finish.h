@@ -6,7 +6,7 @@
 
 #include <stdint.h>
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 /* Replace marked pixels by the mean of their unmarked neighbours among the 8 (growing the
  * neighbourhood up to 3 pixels).  step: 1, or 2 for a mosaic (neighbours of the same colour). */

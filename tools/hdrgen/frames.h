@@ -16,10 +16,10 @@
 
 #include <stdint.h>
 
-#include "errmsg.h"
-#include "image.h"
+#include "base/errmsg.h"
+#include "image/image.h"
 #include "sensor.h"
-#include "warp.h"
+#include "vision/warp.h"
 
 typedef struct frames frames;
 

@@ -9,7 +9,7 @@
 #include <time.h>
 
 #include "develop.h"
-#include "exif.h"
+#include "image/exif.h"
 #include "samples.h"
 
 enum { WANTED_SAMPLES = 32000 };

@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "noise.h"
 #include "response.h"
 

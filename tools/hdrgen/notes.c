@@ -5,7 +5,7 @@
 
 #include <stdio.h>
 
-#include "cli.h"
+#include "base/cli.h"
 
 void notes_exposures(const job *j)
 {

@@ -8,7 +8,7 @@
 #ifndef HDRGEN_QRLS_H
 #define HDRGEN_QRLS_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 typedef struct qrls qrls;
 

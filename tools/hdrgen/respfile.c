@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "outfile.h"
+#include "base/outfile.h"
 #include "response.h"
 
 enum { MAX_NODES = 65536, SAVED_NODES = 4096, MAX_ORDER = 30 };

@@ -7,7 +7,7 @@
 #ifndef HDRGEN_RESPONSE_H
 #define HDRGEN_RESPONSE_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 enum { RESPONSE_MAX_CHANNELS = 3 };
 

@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 #include "cfa.h"
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "response.h"
 
 typedef struct samples {

@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 #include "cfa.h"
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 enum { SENSOR_CLIPPED = 65535 }; /* value of a photosite at or above its white level */
 

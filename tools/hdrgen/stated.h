@@ -5,7 +5,7 @@
 #ifndef HDRGEN_STATED_H
 #define HDRGEN_STATED_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "samples.h"
 
 typedef struct stated_facts {

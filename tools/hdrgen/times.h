@@ -4,7 +4,7 @@
 #ifndef HDRGEN_TIMES_H
 #define HDRGEN_TIMES_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 typedef struct shot {
     const char *path;

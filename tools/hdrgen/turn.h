@@ -6,8 +6,8 @@
 
 #include <stdint.h>
 
-#include "errmsg.h"
-#include "image.h"
+#include "base/errmsg.h"
+#include "image/image.h"
 
 /* orientation: 1..8 as in EXIF (where the first stored row and column lie: 1 top left, 2 top right, 3 bottom
  * right, 4 bottom left, 5 left top, 6 right top, 7 right bottom, 8 left bottom).  *sigma: as im->pix; *flags

@@ -10,7 +10,7 @@
 #ifndef HDRGEN_WHITE_H
 #define HDRGEN_WHITE_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "samples.h"
 
 /* clip[c]: codes from there on are clipped; s->max_code where the samples don't show that white lies lower.

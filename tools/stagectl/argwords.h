@@ -7,7 +7,7 @@
 #ifndef ARGWORDS_H
 #define ARGWORDS_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 typedef struct argwords {
     int n;

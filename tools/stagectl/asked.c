@@ -7,8 +7,8 @@
 #include <string.h>
 #include <strings.h>
 
-#include "exif.h"
-#include "image.h"
+#include "image/exif.h"
+#include "image/image.h"
 
 void asked_read(picture_says *p, const char *path)
 {

@@ -15,7 +15,7 @@
 #include "files.h"
 #include "leftover.h"
 #include "names.h"
-#include "outfile.h"
+#include "base/outfile.h"
 #include "signals.h"
 #include "trying.h"
 

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "cli.h"
+#include "base/cli.h"
 
 static int parse_range(double *s, int *n, const char *text, errmsg *e)
 {

@@ -4,7 +4,7 @@
 #ifndef EXPOSURES_H
 #define EXPOSURES_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 enum { EXPOSURES_MAX = 64 };
 

@@ -4,7 +4,7 @@
 #ifndef FILES_H
 #define FILES_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 /* Make all folders above the last part of path. */
 int files_make_parents(const char *path, errmsg *e);

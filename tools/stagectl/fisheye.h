@@ -11,7 +11,7 @@
 #ifndef FISHEYE_H
 #define FISHEYE_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 typedef enum fisheye_lens {
     LENS_EQUIDISTANT,

@@ -7,7 +7,7 @@
 #ifndef INI_H
 #define INI_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 /* One key.  Return 0, or -1 with words. */
 typedef int ini_fn(void *arg, const char *section, const char *key, const char *value, int line, errmsg *e);

@@ -17,7 +17,7 @@
 
 #include "journal_internal.h"
 #include "leftover.h"
-#include "outfile.h"
+#include "base/outfile.h"
 
 static const char heading[] = "stagectl-journal 1";
 

@@ -9,7 +9,7 @@
 #include <sys/stat.h>
 #include <zlib.h>
 
-#include "image.h"
+#include "image/image.h"
 
 static uint32_t be32(const unsigned char *p)
 {

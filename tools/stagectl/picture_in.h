@@ -4,7 +4,7 @@
 #ifndef PICTURE_IN_H
 #define PICTURE_IN_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 /* Whole: PNG by its chunks' checksums and end, binary PNM by its size, JPEG by its end marker and decoding,
  * everything else by decoding. */

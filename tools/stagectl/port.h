@@ -10,7 +10,7 @@
 
 #include <stddef.h>
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 typedef struct port port;
 

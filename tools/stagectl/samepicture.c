@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "image.h"
+#include "image/image.h"
 
 enum { SIDE = 256 };
 

@@ -11,7 +11,7 @@
 #ifndef SAMEPICTURE_H
 #define SAMEPICTURE_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 typedef struct picture_difference {
     double share;    /* of the contrast, 0..1 */

@@ -10,7 +10,7 @@
 #ifndef SCENEFILES_H
 #define SCENEFILES_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 /* SHA-256 as hex digits of `path` and all that it names.  -1 when path itself can't be read; files that it
  * names and that are not there are left to the renderer to miss. */

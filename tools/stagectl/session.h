@@ -9,7 +9,7 @@
 
 #include <stddef.h>
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "exposures.h"
 
 typedef enum capture_order { ORDER_SERPENTINE, ORDER_RASTER } capture_order;

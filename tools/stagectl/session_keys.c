@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cli.h"
+#include "base/cli.h"
 
 #define AT(m) offsetof(session, m)
 static const double huge = 1e300;

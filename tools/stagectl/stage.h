@@ -7,7 +7,7 @@
 #ifndef STAGE_H
 #define STAGE_H
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 #include "port.h"
 
 typedef enum stage_code {

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include "capture.h"
-#include "cli.h"
+#include "base/cli.h"
 #include "files.h"
 #include "names.h"
 #include "signals.h"

@@ -9,7 +9,7 @@
 
 #include "camerawords.h"
 #include "chaincheck.h"
-#include "cli.h"
+#include "base/cli.h"
 #include "depends.h"
 #include "names.h"
 #include "plan.h"

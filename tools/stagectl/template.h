@@ -8,7 +8,7 @@
 
 #include <stddef.h>
 
-#include "errmsg.h"
+#include "base/errmsg.h"
 
 typedef struct template_var {
     const char *name; /* NULL ends the list */

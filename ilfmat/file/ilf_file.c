@@ -1,0 +1,412 @@
+/*
+ * ilf_file.c - open and validate an incident light field file, version 1.
+ *
+ * The format: one tiled, ONE_LEVEL OpenEXR part with channels R, G, B; one tile is one probe; tile
+ * (i, j) is grid node (i, j).  Header attributes ilf:version (int), ilf:origin, ilf:U, ilf:V (v3f),
+ * ilf:polarMax (float), optionally ilf:polarValid (float).  Further parts: ilf_layout.c.
+ *
+ * Only the header and the table of tile offsets are read.  The table is checked against the
+ * file's length, so that a truncated file is refused at once and not in the middle of a
+ * picture.
+ */
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "exr/exr_compression.h"
+#include "ilf_internal.h"
+
+/* ---- OpenEXR's view of the file ----------------------------------------------------------- */
+
+static int64_t read_at(exr_const_context_t ctxt, void *user, void *buffer, uint64_t size, uint64_t offset,
+                       exr_stream_error_func_ptr_t error_cb)
+{
+    const ilf *f = user;
+    char *to = buffer;
+    uint64_t done = 0;
+
+    while (done < size) {
+        const ssize_t n = pread(f->fd, to + done, (size_t)(size - done), (off_t)(offset + done));
+        if (n < 0 && errno == EINTR) continue;
+        if (n < 0) {
+            error_cb(ctxt, EXR_ERR_READ_IO, "%s", strerror(errno));
+            return -1;
+        }
+        if (n == 0) break;
+        done += (uint64_t)n;
+    }
+    return (int64_t)done;
+}
+
+static int64_t file_size(exr_const_context_t ctxt, void *user)
+{
+    (void)ctxt;
+    return ((const ilf *)user)->info.file_bytes;
+}
+
+/* Keep OpenEXR's first words: they are the cause, later ones the consequence. */
+static void keep_words(exr_const_context_t ctxt, exr_result_t code, const char *msg)
+{
+    void *user = NULL;
+
+    if (!ctxt || exr_get_user_data(ctxt, &user) != EXR_ERR_SUCCESS || !user) return;
+    ilf *f = user;
+    if (!f->exr_words.text[0]) ilf_fail(&f->exr_words, ILF_ERR_FORMAT, "%s", msg ? msg : exr_get_default_error_message(code));
+}
+
+static ilf_status exr_failed(const ilf *f, exr_result_t code, const char *what, ilf_error *err)
+{
+    return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: %s", f->path, what,
+                    f->exr_words.text[0] ? f->exr_words.text : exr_get_default_error_message(code));
+}
+
+/* ---- attributes --------------------------------------------------------------------------- */
+
+static ilf_status attribute(const ilf *f, const char *name, exr_attribute_type_t type, const char *type_name,
+                            int optional, const exr_attribute_t **attr, ilf_error *err)
+{
+    *attr = NULL;
+    if (exr_get_attribute_by_name(f->exr, 0, name, attr) != EXR_ERR_SUCCESS || !*attr) {
+        *attr = NULL;
+        if (optional) return ILF_OK;
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected an attribute of type %s, found none", f->path, name,
+                        type_name);
+    }
+    if ((*attr)->type != type)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected an attribute of type %s, found type %s", f->path, name,
+                        type_name, (*attr)->type_name);
+    return ILF_OK;
+}
+
+static ilf_status vector_attribute(const ilf *f, const char *name, float v[3], ilf_error *err)
+{
+    const exr_attribute_t *a;
+    const ilf_status st = attribute(f, name, EXR_ATTR_V3F, "v3f", 0, &a, err);
+
+    if (st != ILF_OK) return st;
+    v[0] = a->v3f->x, v[1] = a->v3f->y, v[2] = a->v3f->z;
+    return ILF_OK;
+}
+
+static ilf_status read_attributes(ilf *f, ilf_error *err)
+{
+    const exr_attribute_t *a;
+    ilf_status st;
+
+    if ((st = attribute(f, "ilf:version", EXR_ATTR_INT, "int", 0, &a, err)) != ILF_OK) return st;
+    if (a->i != ILF_FILE_VERSION)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: ilf:version: expected %d, found %d", f->path, ILF_FILE_VERSION, a->i);
+    if ((st = vector_attribute(f, "ilf:origin", f->info.origin, err)) != ILF_OK) return st;
+    if ((st = vector_attribute(f, "ilf:U", f->info.U, err)) != ILF_OK) return st;
+    if ((st = vector_attribute(f, "ilf:V", f->info.V, err)) != ILF_OK) return st;
+    if ((st = attribute(f, "ilf:polarMax", EXR_ATTR_FLOAT, "float", 0, &a, err)) != ILF_OK) return st;
+    f->info.polar_max = f->info.polar_valid = (double)a->f;
+    if ((st = attribute(f, "ilf:polarValid", EXR_ATTR_FLOAT, "float", 1, &a, err)) != ILF_OK) return st;
+    if (a) f->info.polar_valid = (double)a->f;
+    if ((st = ilf_check_polar(f->info.polar_max, f->info.polar_valid, f->path, err)) != ILF_OK) return st;
+    f->info.polar_valid = fmin(f->info.polar_valid, f->info.polar_max);
+    f->full_sphere = ilf_is_full_sphere(f->info.polar_max);
+
+    double o[3], u[3], v[3];
+    for (int c = 0; c < 3; c++) {
+        o[c] = (double)f->info.origin[c];
+        u[c] = (double)f->info.U[c];
+        v[c] = (double)f->info.V[c];
+    }
+    return ilf_check_plane(&f->frame, o, u, v, f->path, err);
+}
+
+/* ---- geometry of the image ---------------------------------------------------------------- */
+
+static ilf_status read_layout(ilf *f, ilf_error *err)
+{
+    exr_storage_t storage;
+    exr_attr_box2i_t dw;
+    uint32_t tw, th;
+    exr_tile_level_mode_t level;
+    exr_tile_round_mode_t round;
+    exr_compression_t compression;
+
+    if (exr_get_storage(f->exr, 0, &storage) != EXR_ERR_SUCCESS || storage != EXR_STORAGE_TILED)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected a tiled image, found scan lines or deep data", f->path);
+    if (exr_get_tile_descriptor(f->exr, 0, &tw, &th, &level, &round) != EXR_ERR_SUCCESS)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected a tile description, found none", f->path);
+    if (level != EXR_TILE_ONE_LEVEL)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected ONE_LEVEL, found a multi-resolution image", f->path);
+    if (exr_get_data_window(f->exr, 0, &dw) != EXR_ERR_SUCCESS)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: dataWindow: expected one, found none", f->path);
+    if (dw.min.x != 0 || dw.min.y != 0)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: dataWindow: expected to begin at (0,0), found (%d,%d)", f->path,
+                        dw.min.x, dw.min.y);
+    const int64_t w = (int64_t)dw.max.x + 1, h = (int64_t)dw.max.y + 1;
+    if (tw < 1 || th < 1 || tw > ILF_MAX_SIDE || th > ILF_MAX_SIDE)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected a size from 1 to %d, found %ux%u", f->path,
+                        ILF_MAX_SIDE, tw, th);
+    if (w < 1 || h < 1 || w % tw || h % th)
+        return ilf_fail(err, ILF_ERR_FORMAT,
+                        "%s: dataWindow: expected whole tiles of %ux%u (one tile is one probe), found %lldx%lld", f->path,
+                        tw, th, (long long)w, (long long)h);
+    f->info.n_theta = (int)tw, f->info.n_phi = (int)th;
+    f->info.n_u = (int)(w / tw), f->info.n_v = (int)(h / th);
+    if (exr_get_compression(f->exr, 0, &compression) != EXR_ERR_SUCCESS || (int)compression < 0 || (int)compression >= EXR_COMPRESSIONS)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: compression: expected one that OpenEXR knows, found number %d", f->path,
+                        (int)compression);
+    f->info.compression = exr_compression_words[compression].name;
+    f->is_dwa = compression == EXR_COMPRESSION_DWAA || compression == EXR_COMPRESSION_DWAB;
+    return ILF_OK;
+}
+
+/* Channels R, G, B and their places in a row: OpenEXR keeps them in alphabetical order. */
+static ilf_status read_channels(ilf *f, ilf_error *err)
+{
+    static const char *const names[3] = {"R", "G", "B"};
+    const exr_attr_chlist_t *list;
+    int found[3] = {-1, -1, -1}, half = 0;
+
+    if (exr_get_channels(f->exr, 0, &list) != EXR_ERR_SUCCESS || list->num_channels != 3)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected R, G, B and no other", f->path);
+    for (int k = 0; k < 3; k++) {
+        const exr_attr_chlist_entry_t *e = &list->entries[k];
+
+        for (int c = 0; c < 3; c++)
+            if (!strcmp(e->name.str, names[c])) found[c] = k;
+        if (e->pixel_type != EXR_PIXEL_HALF && e->pixel_type != EXR_PIXEL_FLOAT)
+            return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected HALF or FLOAT, found UINT in %s", f->path, e->name.str);
+        if (e->x_sampling != 1 || e->y_sampling != 1)
+            return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected no subsampling, found some in %s", f->path, e->name.str);
+        half += e->pixel_type == EXR_PIXEL_HALF;
+    }
+    for (int c = 0; c < 3; c++)
+        if (found[c] < 0)
+            return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected R, G, B, found no %s", f->path, names[c]);
+    f->raw.bytes = 0;
+    for (int k = 0; k < 3; k++)
+        for (int c = 0; c < 3; c++)
+            if (found[c] == k) {
+                f->raw.start[c] = f->raw.bytes;
+                f->raw.is_half[c] = list->entries[k].pixel_type == EXR_PIXEL_HALF;
+                f->raw.bytes += (size_t)f->info.n_theta * (f->raw.is_half[c] ? 2 : 4);
+            }
+    f->uniform = half == 0 || half == 3;
+    f->is_half = half == 3;
+    f->info.type = half == 3 ? ILF_HALF : ILF_FLOAT;
+    f->texel_bytes = f->is_half ? 2 : 4;
+    f->row_bytes = 3 * (size_t)f->info.n_theta * f->texel_bytes;
+    if ((int64_t)f->row_bytes > ILF_MAX_PROBE_BYTES / f->info.n_phi)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected probes of at most %lld bytes, found %dx%d texels", f->path,
+                        (long long)ILF_MAX_PROBE_BYTES, f->info.n_theta, f->info.n_phi);
+    f->probe_bytes = f->row_bytes * (size_t)f->info.n_phi;
+    return ILF_OK;
+}
+
+/* ---- table of tiles ----------------------------------------------------------------------- */
+
+static uint64_t little_endian(const unsigned char *p, int n)
+{
+    uint64_t v = 0;
+
+    for (int k = n - 1; k >= 0; k--) v = v << 8 | p[k];
+    return v;
+}
+
+static int read_whole(const ilf *f, void *to, size_t size, uint64_t offset)
+{
+    size_t done = 0;
+
+    while (done < size) {
+        const ssize_t n = pread(f->fd, (char *)to + done, size - done, (off_t)(offset + done));
+        if (n < 0 && errno == EINTR) continue;
+        if (n <= 0) return -1;
+        done += (size_t)n;
+    }
+    return 0;
+}
+
+/* The table follows the header(s): attributes of name\0 type\0 size data, closed by an empty name, and, in
+ * a file of several parts, one header after the other closed by an empty one.  0 if it isn't found. */
+static uint64_t table_offset(const ilf *f, int parts)
+{
+    const uint64_t end = (uint64_t)f->info.file_bytes;
+    uint64_t at = 8; /* magic number, version */
+    int headers = 0;
+
+    while (at < end) {
+        unsigned char head[2 * 256 + 4]; /* names have at most 255 characters */
+        const size_t have = end - at < sizeof head ? (size_t)(end - at) : sizeof head;
+
+        if (read_whole(f, head, have, at) != 0) return 0;
+        if (head[0] == 0) {
+            at++;
+            if (++headers == parts) return parts > 1 ? at + 1 : at;
+            continue;
+        }
+        const unsigned char *type = memchr(head, 0, have), *size = NULL;
+        if (type) size = memchr(type + 1, 0, have - (size_t)(type + 1 - head));
+        if (!size || (size_t)(size + 1 - head) + 4 > have) return 0;
+        at += (uint64_t)(size + 1 - head) + 4 + little_endian(size + 1, 4);
+    }
+    return 0;
+}
+
+/* Every tile must begin inside the file and the one that begins last must end there too. */
+static ilf_status check_tiles(const ilf *f, ilf_error *err)
+{
+    const int64_t n = (int64_t)f->info.n_u * f->info.n_v;
+    const uint64_t end = (uint64_t)f->info.file_bytes;
+    uint64_t last = 0;
+    int parts = 1;
+
+    if (exr_get_count(f->exr, &parts) != EXR_ERR_SUCCESS) parts = 1;
+    const uint64_t table = table_offset(f, parts);
+    if (table == 0 || table > end || (uint64_t)n > (end - table) / 8)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected a table of %lld tiles, found the end of the file", f->path,
+                        (long long)n);
+    unsigned char *t = malloc((size_t)n * 8);
+    if (!t) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a table of %lld tiles", f->path, (long long)n);
+    if (read_whole(f, t, (size_t)n * 8, table) != 0) {
+        free(t);
+        return ilf_fail(err, ILF_ERR_IO, "%s: tiles: the table can't be read", f->path);
+    }
+    for (int64_t k = 0; k < n; k++) {
+        const uint64_t at = little_endian(t + 8 * k, 8);
+
+        if (at < table + (uint64_t)n * 8 || at >= end) {
+            free(t);
+            return ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%lld,%lld): expected %s, found %s", f->path,
+                            (long long)(k % f->info.n_u), (long long)(k / f->info.n_u), "a tile inside the file",
+                            at == 0 ? "none (unfinished file)" : "one outside (truncated file)");
+        }
+        if (at > last) last = at;
+    }
+    free(t);
+    /* a tile: [part number,] x, y, level x, level y, size, then the data */
+    const uint64_t head = parts > 1 ? 24 : 20;
+    unsigned char size[4];
+    if (end - last < head || read_whole(f, size, 4, last + head - 4) != 0 ||
+        little_endian(size, 4) > end - last - head)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected the last tile to end inside the file, found it truncated",
+                        f->path);
+    return ILF_OK;
+}
+
+/* ---- open, close -------------------------------------------------------------------------- */
+
+void ilf_close(ilf *f)
+{
+    if (!f) return;
+    if (f->probes) {
+        const int64_t n = (int64_t)f->info.n_u * f->info.n_v;
+        for (int64_t k = 0; k < n; k++) free(f->probes[k].decoded);
+        free(f->probes);
+    }
+    free(f->pix);
+    pthread_mutex_destroy(&f->lock);
+    if (f->exr) exr_finish(&f->exr);
+    if (f->map) munmap((void *)(uintptr_t)f->map, (size_t)f->info.file_bytes);
+    if (f->fd >= 0) close(f->fd);
+    free(f->path);
+    free(f);
+}
+
+static ilf_status open_file(ilf *f, ilf_error *err)
+{
+    static const unsigned char magic[4] = {0x76, 0x2f, 0x31, 0x01};
+    unsigned char found[4];
+
+    f->fd = open(f->path, O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK);
+    if (f->fd < 0 || fstat(f->fd, &f->st) != 0)
+        return ilf_fail(err, ILF_ERR_IO, "%s: can't be opened: %s", f->path, strerror(errno));
+    if (!S_ISREG(f->st.st_mode))
+        return ilf_fail(err, ILF_ERR_IO, "%s: expected an OpenEXR file, found no regular file", f->path);
+    f->info.file_bytes = f->st.st_size;
+    if (read_whole(f, found, 4, 0) != 0 || memcmp(found, magic, 4) != 0)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: expected an OpenEXR file, found something else", f->path);
+    char words[128];
+    if (exr_foreign_compression(words, sizeof words, exr_stated_compression(f->fd, (uint64_t)f->info.file_bytes)))
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: compression: expected one that this program reads, %s", f->path, words);
+
+    exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
+    init.user_data = f;
+    init.read_fn = read_at;
+    init.size_fn = file_size;
+    init.error_handler_fn = keep_words;
+    init.max_image_width = init.max_image_height = 0;
+    const exr_result_t r = exr_start_read(&f->exr, f->path, &init);
+    if (r != EXR_ERR_SUCCESS) {
+        f->exr = NULL;
+        return exr_failed(f, r, "header", err);
+    }
+    return ILF_OK;
+}
+
+static ilf_status make_probes(ilf *f, ilf_error *err)
+{
+    const size_t n = (size_t)f->info.n_u * (size_t)f->info.n_v;
+
+    f->probes = calloc(n, sizeof *f->probes);
+    f->pix = calloc(n, sizeof *f->pix);
+    if (!f->probes || !f->pix) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for %zu probes", f->path, n);
+    void *m = mmap(NULL, (size_t)f->info.file_bytes, PROT_READ, MAP_SHARED, f->fd, 0);
+    if (m != MAP_FAILED) {
+        f->map = m;
+        madvise(m, (size_t)f->info.file_bytes, MADV_RANDOM); /* no read-ahead past what is touched */
+    }
+    ilf_fail_changed(f, &f->fault);
+    ilf_choose_layout(f);
+    return ILF_OK;
+}
+
+ilf_status ilf_open(ilf **field, const char *path, ilf_error *err)
+{
+    ilf *f = calloc(1, sizeof *f);
+    ilf_status st;
+
+    if (!f || !(f->path = strdup(path))) {
+        free(f);
+        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory", path);
+    }
+    f->fd = -1;
+    pthread_mutex_init(&f->lock, NULL);
+    if ((st = open_file(f, err)) != ILF_OK || (st = read_layout(f, err)) != ILF_OK ||
+        (st = read_channels(f, err)) != ILF_OK || (st = read_attributes(f, err)) != ILF_OK ||
+        (st = check_tiles(f, err)) != ILF_OK || (st = make_probes(f, err)) != ILF_OK) {
+        ilf_close(f);
+        return st;
+    }
+    *field = f;
+    return ILF_OK;
+}
+
+const ilf_info *ilf_get_info(const ilf *f)
+{
+    return &f->info;
+}
+
+const ilf_frame *ilf_get_frame(const ilf *f)
+{
+    return &f->frame;
+}
+
+const char *ilf_get_path(const ilf *f)
+{
+    return f->path;
+}
+
+const char *ilf_fault(const ilf *f, const void *address)
+{
+    const uintptr_t at = (uintptr_t)address, map = (uintptr_t)f->map;
+
+    return f->map && at >= map && at - map < (uintptr_t)f->info.file_bytes ? f->fault.text : NULL;
+}
+
+void ilf_get_usage(ilf_usage *usage, const ilf *f)
+{
+    pthread_mutex_t *lock = (pthread_mutex_t *)(uintptr_t)&f->lock; /* counting is not a change */
+
+    pthread_mutex_lock(lock);
+    *usage = f->usage;
+    pthread_mutex_unlock(lock);
+}
