@@ -16,10 +16,10 @@
  *
  * Units: lengths in the scene's unit, angles in radians, radiance in W/sr/m^2 per RGB channel.
  *
- * Values below 0 (noise about 0 where a background was subtracted) are values like others: kept when written, interpolated and
- * looked up as they are, by every estimator.  Only luminance above 0 is aimed at: a threshold is never below 0, and what lies
- * under it, all of a texel whose luminance is below 0, belongs to the smooth base.  Their sum is right on average; clipping
- * would add light.
+ * Values below 0 (noise about 0 where a background was subtracted) are values like others: kept when written,
+ * interpolated and looked up as they are, by every estimator.  Only luminance above 0 is aimed at: a
+ * threshold is never below 0, and what lies under it, all of a texel whose luminance is below 0, belongs to
+ * the smooth base.  Their sum is right on average; clipping would add light.
  *
  * Errors: calls return ILF_OK or an ilf_status; outputs are untouched on failure and the words
  * go to a caller-owned ilf_error (may be NULL).  The library never prints, exits, or keeps
@@ -40,12 +40,12 @@ extern "C" {
 
 typedef enum ilf_status {
     ILF_OK = 0,
-    ILF_ERR_IO,      /* the system refused to open, read or write */
-    ILF_ERR_FORMAT,  /* the file breaks the format; the words name attribute or probe */
-    ILF_ERR_VALUE,   /* a texel is NaN or infinite; the words name probe and pixel */
-    ILF_ERR_ARG,     /* an argument is out of its range */
+    ILF_ERR_IO,     /* the system refused to open, read or write */
+    ILF_ERR_FORMAT, /* the file breaks the format; the words name attribute or probe */
+    ILF_ERR_VALUE,  /* a texel is NaN or infinite; the words name probe and pixel */
+    ILF_ERR_ARG,    /* an argument is out of its range */
     ILF_ERR_MEMORY,
-    ILF_ERR_CHANGED  /* the file was changed in place while open; see ilf_fault */
+    ILF_ERR_CHANGED /* the file was changed in place while open; see ilf_fault */
 } ilf_status;
 
 typedef struct ilf_error {
@@ -78,14 +78,14 @@ ilf_status ilf_frame_init(ilf_frame *frame, const double origin[3], const double
 typedef enum ilf_type { ILF_HALF, ILF_FLOAT } ilf_type;
 
 typedef struct ilf_info {
-    int n_u, n_v;          /* grid of probes */
-    int n_theta, n_phi;    /* texels of one probe: columns, rows */
-    ilf_type type;         /* texels as stored (mixed channels count as float) */
+    int n_u, n_v;            /* grid of probes */
+    int n_theta, n_phi;      /* texels of one probe: columns, rows */
+    ilf_type type;           /* texels as stored (mixed channels count as float) */
     const char *compression; /* OpenEXR's name: "none", "zip", ...; static */
-    int interleaved;       /* the file holds the texels a second time, in the order that lookups like best */
+    int interleaved; /* the file holds the texels a second time, in the order that lookups like best */
     float origin[3], U[3], V[3];
-    double polar_max;      /* polar angle at the map's lower edge, (0, pi] */
-    double polar_valid;    /* beyond it lookups hold the value at it; at most polar_max here */
+    double polar_max;   /* polar angle at the map's lower edge, (0, pi] */
+    double polar_valid; /* beyond it lookups hold the value at it; at most polar_max here */
     int64_t file_bytes;
 } ilf_info;
 
@@ -102,25 +102,26 @@ const char *ilf_get_path(const ilf *field);       /* as given to ilf_open */
 
 /* What has been used so far.  Probes come in when a lookup first needs them. */
 typedef struct ilf_usage {
-    int64_t probes;         /* touched */
-    int64_t mapped_bytes;   /* of them, used in place in the file: shared between processes */
-    int64_t decoded_bytes;  /* of them, decompressed into this process's memory */
+    int64_t probes;        /* touched */
+    int64_t mapped_bytes;  /* of them, used in place in the file: shared between processes */
+    int64_t decoded_bytes; /* of them, decompressed into this process's memory */
 } ilf_usage;
 void ilf_get_usage(ilf_usage *usage, const ilf *field);
 
-/* ILF_ERR_CHANGED if the file was written to in place since it was opened.  Each probe's first use asks by itself; what was
- * used before lies in the mapped file and changes with it, so ask again at the end. */
+/* ILF_ERR_CHANGED if the file was written to in place since it was opened.  Each probe's first use asks by
+ * itself; what was used before lies in the mapped file and changes with it, so ask again at the end. */
 ilf_status ilf_check_unchanged(const ilf *field, ilf_error *err);
 
-/* A field that is used in place lies in the mapped file.  Where that was cut short, or can't be read, a lookup ends in the
- * signal SIGBUS, which no library may catch for its program: the program does (SA_SIGINFO) and asks here, with si_addr, for
- * the words of ILF_ERR_CHANGED: one line that names the file, owned by field; NULL if address is none of field's.
- * May be called in a signal handler.  (Files to be replaced while in use are replaced by rename: then nothing happens.) */
+/* A field that is used in place lies in the mapped file.  Where that was cut short, or can't be read, a
+ * lookup ends in the signal SIGBUS, which no library may catch for its program: the program does (SA_SIGINFO)
+ * and asks here, with si_addr, for the words of ILF_ERR_CHANGED: one line that names the file, owned by
+ * field; NULL if address is none of field's. May be called in a signal handler.  (Files to be replaced while
+ * in use are replaced by rename: then nothing happens.) */
 const char *ilf_fault(const ilf *field, const void *address);
 
-/* A number that tells the field's values from any other's: the same for the same values however they are stored, and another
- * (but for one chance in 2^64) where a single texel, the grid, or the polar angles differ.  The plane does not count.
- * Looks through every probe; fails as ilf_read_probe does. */
+/* A number that tells the field's values from any other's: the same for the same values however they are
+ * stored, and another (but for one chance in 2^64) where a single texel, the grid, or the polar angles
+ * differ.  The plane does not count. Looks through every probe; fails as ilf_read_probe does. */
 ilf_status ilf_digest(uint64_t *digest, const ilf *field, ilf_error *err);
 
 /* One probe's texels as float, n_phi*n_theta*3, row-major from phi = 0, R G B interleaved. */
@@ -164,11 +165,11 @@ typedef struct ilf_slice ilf_slice;
 typedef int ilf_hit_fn(double hit[3], const double origin[3], const double dir[3], void *context);
 
 typedef struct ilf_sampler_spec {
-    ilf_mode mode;      /* as lookups will use */
-    ilf_hit_fn *hit;    /* for ILF_DEPTH; NULL: the light is infinitely far away */
-    void *context;      /* for hit */
-    double threshold;   /* T as luminance of ilf_luminance; 0: 3 times the mean of what the field has above 0 */
-    double cube;        /* edge of the cubes of space; 0: from the probes' pitch */
+    ilf_mode mode;    /* as lookups will use */
+    ilf_hit_fn *hit;  /* for ILF_DEPTH; NULL: the light is infinitely far away */
+    void *context;    /* for hit */
+    double threshold; /* T as luminance of ilf_luminance; 0: 3 times the mean of what the field has above 0 */
+    double cube;      /* edge of the cubes of space; 0: from the probes' pitch */
 } ilf_sampler_spec;
 
 /* Find what is bright in the field: every probe is looked through once.  NaN texels are
@@ -187,8 +188,8 @@ static inline double ilf_luminance(const float rgb[3])
     return 0.265 * (double)rgb[0] + 0.670 * (double)rgb[1] + 0.065 * (double)rgb[2];
 }
 
-/* The part of a radiance that is excess over the threshold (0 or more), 0 to 1: excess = part * rgb, base = (1 - part) * rgb.
- * A channel of the excess may be below 0, its luminance is not. */
+/* The part of a radiance that is excess over the threshold (0 or more), 0 to 1: excess = part * rgb, base =
+ * (1 - part) * rgb. A channel of the excess may be below 0, its luminance is not. */
 static inline double ilf_excess_part(const float rgb[3], double threshold)
 {
     const double y = ilf_luminance(rgb);
@@ -203,8 +204,8 @@ ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *sampler, const doub
 /* A lamp: bright patches that lie together as seen from somewhere. */
 typedef struct ilf_lamp {
     double position[3]; /* frame's coordinates; very far for light at infinity */
-    double radius;      /* about that of a ball that holds it; patches half on a thing behind it don't count */
-    double excess;      /* its largest luminance over the threshold */
+    double radius; /* about that of a ball that holds it; patches half on a thing behind it don't count */
+    double excess; /* its largest luminance over the threshold */
 } ilf_lamp;
 
 /* The lamps, brightest first, that can be seen from within a ball (frame's coordinates).
@@ -214,11 +215,11 @@ ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *sam
 
 /* One direction drawn from a slice. */
 typedef struct ilf_draw {
-    double dir[3];   /* unit vector in the plane's own coordinates (u, v, n), n > 0 */
-    double pdf;      /* density per steradian */
-    double near, far; /* about how far away the light there is: the same but where one thing stands before another;
-                       * HUGE_VAL: no light is expected there */
-    double expected; /* about the excess luminance to be expected there, not a bound */
+    double dir[3];    /* unit vector in the plane's own coordinates (u, v, n), n > 0 */
+    double pdf;       /* density per steradian */
+    double near, far; /* about how far away the light there is: the same but where one thing stands before
+                       * another; HUGE_VAL: no light is expected there */
+    double expected;  /* about the excess luminance to be expected there, not a bound */
 } ilf_draw;
 
 /* Draw a direction distributed as the slice's map: u in [0, 1) runs through the map along a
@@ -242,17 +243,17 @@ void ilf_slice_history(const ilf_slice *slice, ilf_past *past);
 typedef struct ilf_spec {
     int n_u, n_v, n_theta, n_phi; /* all >= 1 */
     double origin[3], U[3], V[3];
-    double polar_max;             /* (0, pi] */
-    double polar_valid;           /* 0: none stated */
+    double polar_max;   /* (0, pi] */
+    double polar_valid; /* 0: none stated */
     ilf_type type;
-    const char *compression;      /* none rle zips zip piz pxr24 b44 b44a; NULL: none */
-    int interleave;               /* write the texels a second time, each one's channels side by side: twice the file, faster
-                                   * lookups in place; needs no compression (what is decoded is interleaved then) */
-    const char *comments;         /* or NULL */
-    const char *owner;            /* or NULL */
-    const char *cap_date;         /* "YYYY:MM:DD HH:MM:SS" or NULL */
-    double white_luminance;       /* cd/m^2 of RGB (1,1,1); 0: none stated */
-    const char *name;             /* what errors call the file; NULL: its path */
+    const char *compression; /* none rle zips zip piz pxr24 b44 b44a; NULL: none */
+    int interleave; /* write the texels a second time, each one's channels side by side: twice the file, faster
+                     * lookups in place; needs no compression (what is decoded is interleaved then) */
+    const char *comments; /* or NULL */
+    const char *owner;    /* or NULL */
+    const char *cap_date; /* "YYYY:MM:DD HH:MM:SS" or NULL */
+    double white_luminance; /* cd/m^2 of RGB (1,1,1); 0: none stated */
+    const char *name;       /* what errors call the file; NULL: its path */
 } ilf_spec;
 
 typedef struct ilf_writer ilf_writer;
@@ -270,7 +271,8 @@ ilf_status ilf_writer_probe(ilf_writer *writer, const float *rgb, ilf_error *err
 
 /* Finish; fails if probes are missing.  Frees the writer in every case. */
 ilf_status ilf_writer_close(ilf_writer *writer, ilf_error *err);
-void ilf_writer_abort(ilf_writer *writer); /* NULL allowed; the unfinished file stays for the caller to remove */
+void ilf_writer_abort(
+    ilf_writer *writer); /* NULL allowed; the unfinished file stays for the caller to remove */
 
 #ifdef __cplusplus
 }

@@ -19,16 +19,16 @@
 
 /* Largest probe and grid that are accepted: sizes are checked against these before anything
  * is multiplied or taken from memory. */
-#define ILF_MAX_SIDE 65536
+#define ILF_MAX_SIDE        65536
 #define ILF_MAX_PROBE_BYTES ((int64_t)1 << 30)
 
 /* One probe.  Texel (x, y), channel c begins at
  *     pix + y*row_bytes + chan_offset[c] + x*pixel_bytes
  * in one of two orders, the same for all probes of a field:
- *     planar    OpenEXR's, for each row all B, then all G, then all R: what a first part of the file that is used in place
- *               dictates.  A random lookup waits for 24 cache lines.
- *     together  R G B of a texel side by side, 8 to 10 cache lines: decoded memory and the file's interleaved part.
- * The TEXEL_HEAD bytes before pix may be read. */
+ *     planar    OpenEXR's, for each row all B, then all G, then all R: what a first part of the file that is
+ * used in place dictates.  A random lookup waits for 24 cache lines. together  R G B of a texel side by side,
+ * 8 to 10 cache lines: decoded memory and the file's interleaved part. The TEXEL_HEAD bytes before pix may be
+ * read. */
 enum { TEXEL_HEAD = 16 };
 typedef struct probe {
     void *decoded;    /* owned memory, or NULL when pix points into the file */
@@ -36,9 +36,11 @@ typedef struct probe {
     int checked;      /* its texels in the file, once; under lock */
 } probe;
 
-/* A lookup of usual rays: ilf_eval with from = hit, or origin.  An ilf_status, or ILF_UNUSUAL: nothing done. */
+/* A lookup of usual rays: ilf_eval with from = hit, or origin.  An ilf_status, or ILF_UNUSUAL: nothing done.
+ */
 enum { ILF_UNUSUAL = -1 };
-typedef int ilf_fast_fn(float rgb[3], const ilf *field, const ilf_frame *frame, const double from[3], const double dir[3], ilf_error *err);
+typedef int ilf_fast_fn(float rgb[3], const ilf *field, const ilf_frame *frame, const double from[3],
+                        const double dir[3], ilf_error *err);
 
 struct ilf {
     ilf_info info;
@@ -46,31 +48,34 @@ struct ilf {
     char *path;
     exr_context_t exr;
     int fd;
-    struct stat st;       /* as opened, to notice a change in place */
+    struct stat st;           /* as opened, to notice a change in place */
     const unsigned char *map; /* whole file, read-only; NULL if it can't be mapped */
-    int full_sphere;      /* polar_max is pi: the last row has a pole too */
-    int is_half;          /* texels in memory */
+    int full_sphere;          /* polar_max is pi: the last row has a pole too */
+    int is_half;              /* texels in memory */
     double columns_per_radian, rows_per_radian;
-    double column_ahead, last_row; /* column at azimuth 0, and the last row, counted from the first texel's centre */
-    double span_u, span_v; /* probe (i, j) stands at i/span_u, j/span_v of the edges; single ones, i = 1, in the middle */
-    ilf_fast_fn *fast[2]; /* without and with depth correction, for the texels' order and type and this processor; or NULL */
+    double column_ahead,
+        last_row;          /* column at azimuth 0, and the last row, counted from the first texel's centre */
+    double span_u, span_v; /* probe (i, j) stands at i/span_u, j/span_v of the edges; single ones, i = 1, in
+                              the middle */
+    ilf_fast_fn *fast[2];  /* without and with depth correction, for the texels' order and type and this
+                              processor; or NULL */
     size_t texel_bytes, pixel_bytes, row_bytes, probe_bytes; /* of a channel, a texel, a row, a probe */
     size_t chan_offset[3];
-    int is_dwa;           /* compressed with DWA, which has a decoder of its own */
-    int uniform;          /* all channels of one type */
-    struct {              /* a row of an uncompressed tile of the first part: channel after channel */
-        size_t bytes;     /* of the row */
-        size_t start[3];  /* where R, G, B begin */
+    int is_dwa;          /* compressed with DWA, which has a decoder of its own */
+    int uniform;         /* all channels of one type */
+    struct {             /* a row of an uncompressed tile of the first part: channel after channel */
+        size_t bytes;    /* of the row */
+        size_t start[3]; /* where R, G, B begin */
         int is_half[3];
     } raw;
-    int in_place;         /* tiles are used where they are in the mapped file */
-    int second_part;      /* number of the part that holds the texels interleaved; 0: none */
-    probe *probes;        /* n_u*n_v, i fastest */
+    int in_place;                      /* tiles are used where they are in the mapped file */
+    int second_part;                   /* number of the part that holds the texels interleaved; 0: none */
+    probe *probes;                     /* n_u*n_v, i fastest */
     const unsigned char *_Atomic *pix; /* of each probe, NULL until it is read */
-    pthread_mutex_t lock; /* held while a probe is read */
-    ilf_usage usage;      /* under lock */
-    ilf_error exr_words;  /* OpenEXR's own words, under lock */
-    ilf_error fault;      /* what ilf_fault says */
+    pthread_mutex_t lock;              /* held while a probe is read */
+    ilf_usage usage;                   /* under lock */
+    ilf_error exr_words;               /* OpenEXR's own words, under lock */
+    ilf_error fault;                   /* what ilf_fault says */
 };
 
 /* Fill err (may be NULL) and return status.  Control characters become '?'. */
@@ -93,18 +98,19 @@ ilf_status ilf_fail_changed(const ilf *field, ilf_error *err);
 void ilf_choose_layout(ilf *field);
 
 /* The second part's name and attribute. */
-#define ILF_INTERLEAVED_NAME "interleaved"
+#define ILF_INTERLEAVED_NAME      "interleaved"
 #define ILF_INTERLEAVED_ATTRIBUTE "ilf:interleaved"
-#define ILF_INTERLEAVED_CHANNEL "RGB"
+#define ILF_INTERLEAVED_CHANNEL   "RGB"
 
-/* The tile of the first part that lies uncompressed `planar` bytes from the file's start: does pix hold the same texels
- * together (channels of one type), and put them there, in memory's type.  1 for yes, or done. */
+/* The tile of the first part that lies uncompressed `planar` bytes from the file's start: does pix hold the
+ * same texels together (channels of one type), and put them there, in memory's type.  1 for yes, or done. */
 int ilf_same_texels(const ilf *field, const unsigned char *pix, uint64_t planar);
 int ilf_copy_texels(const ilf *field, unsigned char *pix, uint64_t planar);
 
-/* ilf_eval in plain C, for any ray on any processor; and what is faster where the processor has AVX2, FMA and F16C, else NULL. */
-ilf_status ilf_eval_plain(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3], const double dir[3],
-                          const double *hit, ilf_mode mode, ilf_error *err);
+/* ilf_eval in plain C, for any ray on any processor; and what is faster where the processor has AVX2, FMA and
+ * F16C, else NULL. */
+ilf_status ilf_eval_plain(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3],
+                          const double dir[3], const double *hit, ilf_mode mode, ilf_error *err);
 ilf_fast_fn *ilf_eval_avx2(const ilf *field, int depth);
 
 /* Make probe k ready (ilf_probe.c).  Cheap when it is. */
@@ -120,7 +126,8 @@ static inline ilf_status ilf_need_probe(const ilf *f, int64_t k, ilf_error *err)
 ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix, void **own, ilf_error *err);
 void ilf_unpeek_probe(const ilf *field, const unsigned char *pix, void *own);
 
-/* IEEE 754 binary16 -> binary32, exact, denormals included.  Infinity and NaN come out finite: probes are checked for them. */
+/* IEEE 754 binary16 -> binary32, exact, denormals included.  Infinity and NaN come out finite: probes are
+ * checked for them. */
 static inline float ilf_half_to_float(uint16_t h)
 {
     const uint32_t sign = (uint32_t)(h & 0x8000u) << 16;

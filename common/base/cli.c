@@ -70,10 +70,8 @@ static const cli_opt *by_name(const char *name, size_t len)
             if (strncmp(o->name, name, len) != 0) continue;
             if (o->name[len] == 0) return o;
             if (t == 1 && in_table(the_prog->opts, o->name)) continue; /* the program has its own */
-            if (!found)
-                found = o;
-            else
-                second = o;
+            if (!found) found = o;
+            else second = o;
         }
     }
     if (len == 0) found = NULL;
@@ -93,10 +91,8 @@ static void take(const cli_opt *o, const char *value)
     switch (o->kind) {
     case CLI_FLAG:
         if (!o->dest) {
-            if (o == &cli_builtin[2])
-                cli_print_help(the_prog);
-            else
-                printf("%s %s\n", the_prog->name, ILF_VERSION);
+            if (o == &cli_builtin[2]) cli_print_help(the_prog);
+            else printf("%s %s\n", the_prog->name, ILF_VERSION);
             exit(cli_end(CLI_OK));
         }
         *(int *)o->dest = 1;
@@ -107,20 +103,13 @@ static void take(const cli_opt *o, const char *value)
         long n = strtol(value, &end, 10);
         if (end == value || *end || isspace((unsigned char)*value) || errno || n < INT_MIN || n > INT_MAX)
             rc = err_set(&e, "expected a whole number, found '%s'", value);
-        else
-            *(int *)o->dest = (int)n;
+        else *(int *)o->dest = (int)n;
         break;
     }
-    case CLI_DOUBLE:
-        rc = cli_parse_double(o->dest, value, &e);
-        break;
-    case CLI_STRING:
-        *(const char **)o->dest = value;
-        break;
+    case CLI_DOUBLE: rc = cli_parse_double(o->dest, value, &e); break;
+    case CLI_STRING: *(const char **)o->dest = value; break;
     case CLI_CALL:
-    case CLI_MAYBE:
-        rc = o->call(value, o->dest, &e);
-        break;
+    case CLI_MAYBE: rc = o->call(value, o->dest, &e); break;
     }
     if (rc < 0) cli_fail(CLI_USAGE, "option --%s: %s", o->name, e.text);
 }
@@ -209,14 +198,10 @@ int cli_parse(const cli_prog *prog, int argc, char **argv)
     int noperands = 0, only_operands = 0;
     for (int i = 1; i < argc; i++) {
         char *arg = argv[i];
-        if (only_operands || is_operand(arg))
-            argv[1 + noperands++] = arg;
-        else if (strcmp(arg, "--") == 0)
-            only_operands = 1;
-        else if (arg[1] == '-')
-            i += long_option(arg, argv[i + 1]);
-        else
-            i += short_options(arg, argv[i + 1]);
+        if (only_operands || is_operand(arg)) argv[1 + noperands++] = arg;
+        else if (strcmp(arg, "--") == 0) only_operands = 1;
+        else if (arg[1] == '-') i += long_option(arg, argv[i + 1]);
+        else i += short_options(arg, argv[i + 1]);
     }
     if (noperands + 1 < argc) argv[1 + noperands] = NULL;
     if (cli_threads < 0 || cli_threads > 4096)
@@ -235,10 +220,8 @@ static char *put_quoted(char *p, const char *word)
     if (*word && word[strspn(word, plain)] == 0) return stpcpy(p, word);
     *p++ = '\'';
     for (; *word; word++) {
-        if (*word == '\'')
-            p = stpcpy(p, "'\\''");
-        else
-            *p++ = (unsigned char)*word < 0x20 || *word == 0x7f ? '?' : *word;
+        if (*word == '\'') p = stpcpy(p, "'\\''");
+        else *p++ = (unsigned char)*word < 0x20 || *word == 0x7f ? '?' : *word;
     }
     *p++ = '\'';
     *p = 0;

@@ -30,8 +30,8 @@ typedef enum cli_kind {
 typedef int cli_call_fn(const char *value, void *arg, errmsg *e);
 
 typedef struct cli_opt {
-    const char *name;    /* long name without dashes; NULL ends the table */
-    char letter;         /* short form, or 0 */
+    const char *name; /* long name without dashes; NULL ends the table */
+    char letter;      /* short form, or 0 */
     cli_kind kind;
     void *dest;          /* as the kind says; for CLI_CALL and CLI_MAYBE what the function gets as arg */
     cli_call_fn *call;   /* CLI_CALL and CLI_MAYBE only */
@@ -44,7 +44,8 @@ typedef struct cli_prog {
     const char *operands; /* usage after the options: "-o OUT IMAGE..." */
     const char *summary;  /* one sentence */
     const cli_opt *opts;
-    const char *epilog;   /* more text for --help, or NULL: filled too, but for empty lines and lines that begin with a blank */
+    const char *epilog; /* more text for --help, or NULL: filled too, but for empty lines and lines that begin
+                           with a blank */
 } cli_prog;
 
 extern int cli_quiet;   /* --quiet was given */
@@ -73,12 +74,13 @@ int cli_end(int code);
  * unit; done == total ends the line.  Cheap enough for every row. */
 void cli_progress(const char *what, double done, double total);
 
-/* Command line as one string for a picture's header: quoted where needed.  malloc'd, never NULL.  main() only. */
+/* Command line as one string for a picture's header: quoted where needed.  malloc'd, never NULL.  main()
+ * only. */
 char *cli_command_line(const cli_prog *prog, int argc, char *const *argv);
 
 /* Parsers of common values, usable from cli_call_fn: whole string or failure. */
-int cli_parse_double(double *v, const char *s, errmsg *e);                  /* finite; "1/60" too */
+int cli_parse_double(double *v, const char *s, errmsg *e);                          /* finite; "1/60" too */
 int cli_parse_doubles(double *v, int n, const char *s, const char *sep, errmsg *e); /* exactly n */
-int cli_parse_size(int *w, int *h, const char *s, errmsg *e);               /* "WxH", both >= 1 */
+int cli_parse_size(int *w, int *h, const char *s, errmsg *e);                       /* "WxH", both >= 1 */
 
 #endif

@@ -93,7 +93,8 @@ void cli_progress(const char *what, double done, double total)
 
 enum { LINE = 80, LEFT_MAX = 30 };
 
-/* A newline in a text is a blank, but for paragraphs and for lines that begin with a blank (a table's rows). */
+/* A newline in a text is a blank, but for paragraphs and for lines that begin with a blank (a table's rows).
+ */
 static int ends_line(const char *text, const char *newline)
 {
     return newline[1] == '\n' || newline[1] == ' ' || (newline > text && newline[-1] == '\n');
@@ -153,10 +154,8 @@ void cli_print_help(const cli_prog *prog)
     for (int t = 0; t < 2; t++) {
         for (const cli_opt *o = tables[t]; o && o->name; o++) {
             int n = left_part(left, sizeof left, o);
-            if (n > width)
-                printf("%s\n%*s", left, width + 2, "");
-            else
-                printf("%-*s", width + 2, left);
+            if (n > width) printf("%s\n%*s", left, width + 2, "");
+            else printf("%-*s", width + 2, left);
             put_wrapped(o->help, width + 2, width + 2);
         }
     }

@@ -30,10 +30,8 @@ static void put(errmsg *e, const char *text)
     for (const unsigned char *s = (const unsigned char *)text; *s;) {
         size_t n = showable(s);
         if (to + (n ? n : 1) >= sizeof e->text) break;
-        if (n)
-            memcpy(e->text + to, s, n);
-        else
-            e->text[to] = '?';
+        if (n) memcpy(e->text + to, s, n);
+        else e->text[to] = '?';
         to += n ? n : 1;
         s += n ? n : 1;
     }

@@ -83,7 +83,8 @@ int text_numbers(double *v, int max, const char *line)
         if (!*p) return n;
         char *end;
         double x = strtod(p, &end);
-        if (end == p || n == max || !isfinite(x) || (*end && !isspace((unsigned char)*end) && *end != ',' && *end != ';'))
+        if (end == p || n == max || !isfinite(x) ||
+            (*end && !isspace((unsigned char)*end) && *end != ',' && *end != ';'))
             return -1;
         v[n++] = x;
         p = end;

@@ -1,9 +1,9 @@
 /*
  * exr_header.h - is the header of an OpenEXR file what its own sizes say?
  *
- * For DWA a file is opened a second time by OpenEXR's older library, which reads a value by its type and not by
- * the size that stands before it: a wrong size puts it out of step, and what it then takes for a size it believes and
- * allocates (2 GB for a file of 900 bytes).  So files whose sizes don't fit are kept from it.
+ * For DWA a file is opened a second time by OpenEXR's older library, which reads a value by its type and not
+ * by the size that stands before it: a wrong size puts it out of step, and what it then takes for a size it
+ * believes and allocates (2 GB for a file of 900 bytes).  So files whose sizes don't fit are kept from it.
  */
 #ifndef EXR_HEADER_H
 #define EXR_HEADER_H
@@ -51,10 +51,30 @@ static inline int exr_value_sound(int fd, const char *type, uint64_t at, uint64_
     static const struct {
         const char *type;
         uint64_t size;
-    } fixed[] = {{"box2i", 16}, {"box2f", 16}, {"chromaticities", 32}, {"compression", 1}, {"deepImageState", 1}, {"double", 8},
-                 {"envmap", 1}, {"float", 4}, {"int", 4}, {"keycode", 28}, {"lineOrder", 1}, {"m33f", 36}, {"m33d", 72},
-                 {"m44f", 64}, {"m44d", 128}, {"rational", 8}, {"tiledesc", 9}, {"timecode", 8}, {"v2i", 8}, {"v2f", 8},
-                 {"v2d", 16}, {"v3i", 12}, {"v3f", 12}, {"v3d", 24}};
+    } fixed[] = {{"box2i", 16},
+                 {"box2f", 16},
+                 {"chromaticities", 32},
+                 {"compression", 1},
+                 {"deepImageState", 1},
+                 {"double", 8},
+                 {"envmap", 1},
+                 {"float", 4},
+                 {"int", 4},
+                 {"keycode", 28},
+                 {"lineOrder", 1},
+                 {"m33f", 36},
+                 {"m33d", 72},
+                 {"m44f", 64},
+                 {"m44d", 128},
+                 {"rational", 8},
+                 {"tiledesc", 9},
+                 {"timecode", 8},
+                 {"v2i", 8},
+                 {"v2f", 8},
+                 {"v2d", 16},
+                 {"v3i", 12},
+                 {"v3f", 12},
+                 {"v3d", 24}};
 
     for (size_t k = 0; k < sizeof fixed / sizeof *fixed; k++)
         if (!strcmp(type, fixed[k].type)) return size == fixed[k].size;
@@ -79,8 +99,8 @@ static inline int exr_name_new(uint64_t *names, int n, const unsigned char *name
     return 1;
 }
 
-/* 1 if every value of every header ends inside the file, is as long as its type, and stands there once: of two the
- * libraries take different ones. */
+/* 1 if every value of every header ends inside the file, is as long as its type, and stands there once: of
+ * two the libraries take different ones. */
 static inline int exr_header_sound(int fd, uint64_t file_bytes)
 {
     enum { MOST = 1024 };

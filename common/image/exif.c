@@ -156,20 +156,11 @@ static double first_of(const void *data, TIFFDataType type)
     switch (type) {
     case TIFF_RATIONAL:
     case TIFF_SRATIONAL:
-    case TIFF_FLOAT:
-        memcpy(&f, data, sizeof f);
-        return (double)f;
-    case TIFF_DOUBLE:
-        memcpy(&d, data, sizeof d);
-        return d;
-    case TIFF_SHORT:
-        memcpy(&h, data, sizeof h);
-        return h;
-    case TIFF_LONG:
-        memcpy(&l, data, sizeof l);
-        return l;
-    default:
-        return NAN;
+    case TIFF_FLOAT: memcpy(&f, data, sizeof f); return (double)f;
+    case TIFF_DOUBLE: memcpy(&d, data, sizeof d); return d;
+    case TIFF_SHORT: memcpy(&h, data, sizeof h); return h;
+    case TIFF_LONG: memcpy(&l, data, sizeof l); return l;
+    default: return NAN;
     }
 }
 
@@ -236,10 +227,8 @@ exif_facts exif_read(const char *path)
     FILE *in = fopen(path, "rb");
     if (!in) return settle(&s);
     size_t n = fread(head, 1, sizeof head, in);
-    if (n == 8 && memcmp(head, "\x89PNG\r\n\x1a\n", 8) == 0)
-        s = from_png(in);
-    else if (n >= 4 && head[0] == 0xff && head[1] == 0xd8 && fseek(in, 2, SEEK_SET) == 0)
-        s = from_jpeg(in);
+    if (n == 8 && memcmp(head, "\x89PNG\r\n\x1a\n", 8) == 0) s = from_png(in);
+    else if (n >= 4 && head[0] == 0xff && head[1] == 0xd8 && fseek(in, 2, SEEK_SET) == 0) s = from_jpeg(in);
     fclose(in);
     if (n >= 4 && (memcmp(head, "II*\0", 4) == 0 || memcmp(head, "MM\0*", 4) == 0 ||
                    memcmp(head, "II+\0", 4) == 0 || memcmp(head, "MM\0+", 4) == 0))

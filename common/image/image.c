@@ -234,10 +234,8 @@ int img_load_as(img *im, const char *path, const img_open_opts *opts, errmsg *e)
     if (img_reader_open_as(&r, path, opts, e) < 0) return -1;
     int rc = alloc_pixels(&got, &r->shown, r->path, e);
     if (rc == 0) rc = img_reader_rows(r, got.pix, r->shown.height, e);
-    if (rc == 0)
-        *im = got;
-    else
-        img_free(&got);
+    if (rc == 0) *im = got;
+    else img_free(&got);
     img_reader_close(r);
     return rc;
 }
@@ -275,12 +273,9 @@ void img_linearise_srgb(img *im)
         for (size_t k = 0; k < c; k++) {
             float *v = &im->pix[i * c + k];
             size_t code = *v >= 0 && (double)*v <= info->max_code ? (size_t)*v : 0;
-            if (k >= colours)
-                *v = (float)((double)*v / info->max_code);
-            else if (table && (float)code == *v)
-                *v = table[code];
-            else
-                *v = (float)srgb_to_linear((double)*v / info->max_code);
+            if (k >= colours) *v = (float)((double)*v / info->max_code);
+            else if (table && (float)code == *v) *v = table[code];
+            else *v = (float)srgb_to_linear((double)*v / info->max_code);
         }
     }
     free(table);

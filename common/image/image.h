@@ -26,7 +26,7 @@
 
 /* Pictures larger than this in either direction, or of more than IMG_MAX_PIXELS, are
  * refused before memory is taken. */
-#define IMG_MAX_SIDE (1 << 17)
+#define IMG_MAX_SIDE   (1 << 17)
 #define IMG_MAX_PIXELS ((int64_t)1 << 31)
 
 typedef struct img_info {
@@ -94,15 +94,15 @@ const img_info *img_reader_info(const img_reader *r);
  * text: 1 and text, or 0.  Before or between rows. */
 int img_reader_fact(img_reader *r, const char *name, char *text, size_t room);
 int img_reader_rows(img_reader *r, float *rows, int nrows, errmsg *e); /* next nrows rows */
-void img_reader_close(img_reader *r);                                   /* NULL allowed */
+void img_reader_close(img_reader *r);                                  /* NULL allowed */
 
 typedef enum img_type { IMG_HALF, IMG_FLOAT } img_type;
 
 /* One extra channel of an EXR (sigma, flags ...), or one attribute. */
 typedef struct img_plane {
-    const char *name;  /* EXR channel name, e.g. "sigma.R" */
-    const float *pix;  /* width*height, or the first of a strided set */
-    size_t stride;     /* floats from one pixel to the next */
+    const char *name; /* EXR channel name, e.g. "sigma.R" */
+    const float *pix; /* width*height, or the first of a strided set */
+    size_t stride;    /* floats from one pixel to the next */
     img_type type;
 } img_plane;
 typedef struct img_attr {
@@ -116,20 +116,20 @@ typedef struct img_attr {
         IMG_ATTR_CHROMATICITIES
     } kind;
     const char *s;
-    double v[3];       /* FLOAT: v[0]; V3F: v[0..2]; INT: v[0] */
+    double v[3];    /* FLOAT: v[0]; V3F: v[0..2]; INT: v[0] */
     const float *f; /* FLOATS: n values (floatvector); CHROMATICITIES: x, y of red, green, blue, white (.hdr:
                        PRIMARIES=) */
     int n;
 } img_attr;
 
 typedef struct img_write_opts {
-    img_type type;             /* EXR: HALF or FLOAT for R, G, B, A */
-    const char *compression;   /* EXR: none rle zips zip piz dwaa; NULL = zip */
-    const img_plane *planes;   /* EXR only */
+    img_type type;           /* EXR: HALF or FLOAT for R, G, B, A */
+    const char *compression; /* EXR: none rle zips zip piz dwaa; NULL = zip */
+    const img_plane *planes; /* EXR only */
     int nplanes;
-    const img_attr *attrs;     /* EXR: attributes; .hdr: NAME=value header lines */
+    const img_attr *attrs; /* EXR: attributes; .hdr: NAME=value header lines */
     int nattrs;
-    const char *comment;       /* EXR "comments"; .hdr: a header line (the command line) */
+    const char *comment; /* EXR "comments"; .hdr: a header line (the command line) */
 } img_write_opts;
 
 /* Write atomically (outfile.h); the ending of path picks the format, "-" is .hdr to stdout.

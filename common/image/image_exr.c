@@ -22,8 +22,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "image_exr.h"
 #include "base/remark.h"
+#include "image_exr.h"
 
 /* A display window of more pixels than EMPTY_PIXELS may be at most EMPTY_TIMES the data window: it costs
  * memory. */
@@ -218,8 +218,7 @@ static void convert(float *p, int n, const exr_state *s)
         for (int c = 0; c < colours; c++) light |= p[c] != 0;
         if (p[colours] > 0 && p[colours] < 1)
             for (int c = 0; c < colours; c++) p[c] = (float)((double)p[c] / (double)p[colours]);
-        else if (p[colours] == 0 && light)
-            p[colours] = 1;
+        else if (p[colours] == 0 && light) p[colours] = 1;
     }
     if (!s->recolour) return;
     double v[3] = {(double)p[0], (double)p[1], (double)p[2]};

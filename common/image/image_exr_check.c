@@ -42,19 +42,15 @@ static int lines_per_chunk(int compression)
 {
     switch (compression) {
     case EXR_COMPRESSION_ZIP:
-    case EXR_COMPRESSION_PXR24:
-        return 16;
+    case EXR_COMPRESSION_PXR24: return 16;
     case EXR_COMPRESSION_PIZ:
     case EXR_COMPRESSION_B44:
     case EXR_COMPRESSION_B44A:
-    case EXR_COMPRESSION_DWAA:
-        return 32;
+    case EXR_COMPRESSION_DWAA: return 32;
     case EXR_COMPRESSION_NONE:
     case EXR_COMPRESSION_RLE:
-    case EXR_COMPRESSION_ZIPS:
-        return 1;
-    default:
-        return 256; /* DWAB, and what is newer */
+    case EXR_COMPRESSION_ZIPS: return 1;
+    default: return 256; /* DWAB, and what is newer */
     }
 }
 

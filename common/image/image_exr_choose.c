@@ -137,10 +137,8 @@ static void describe(char *to, size_t room, const candidate *c, const exr_file *
 {
     const exr_part *p = exr_file_part(f, c->part);
     const char *part = exr_file_parts(f) < 2 ? "" : *p->name ? p->name : "(a part without a name)";
-    if (!*part && !c->label)
-        snprintf(to, room, "%s", p->nviews ? p->views[0] : "(without a name)");
-    else
-        snprintf(to, room, "%s%s%.*s", part, *part && c->label ? ":" : "", c->label, c->first);
+    if (!*part && !c->label) snprintf(to, room, "%s", p->nviews ? p->views[0] : "(without a name)");
+    else snprintf(to, room, "%s%s%.*s", part, *part && c->label ? ":" : "", c->label, c->first);
 }
 
 static void describe_all(char *to, size_t room, const candidate *list, int n, const exr_file *f)

@@ -193,10 +193,8 @@ extern "C" int exr_file_open(exr_file **out, int fd, int64_t bytes, char *why)
             take_header(*f->parts.back(), f->in.header(k), f->in.partComplete(k));
         }
     });
-    if (rc)
-        exr_file_close(f);
-    else
-        *out = f;
+    if (rc) exr_file_close(f);
+    else *out = f;
     return rc;
 }
 
@@ -225,18 +223,14 @@ static int lines_together(const Header &h)
     switch (h.compression()) {
     case NO_COMPRESSION:
     case RLE_COMPRESSION:
-    case ZIPS_COMPRESSION:
-        return 1;
+    case ZIPS_COMPRESSION: return 1;
     case ZIP_COMPRESSION:
-    case PXR24_COMPRESSION:
-        return 16;
+    case PXR24_COMPRESSION: return 16;
     case PIZ_COMPRESSION:
     case B44_COMPRESSION:
     case B44A_COMPRESSION:
-    case DWAA_COMPRESSION:
-        return 32;
-    default:
-        return 256;
+    case DWAA_COMPRESSION: return 32;
+    default: return 256;
     }
 }
 
@@ -329,8 +323,7 @@ extern "C" int exr_file_fact(const exr_file *f, int part, const char *name, char
             snprintf(text, room, "%d", i->value());
         else if (const auto *s = h.findTypedAttribute<StringAttribute>(name))
             snprintf(text, room, "%s", s->value().c_str());
-        else
-            found = 0;
+        else found = 0;
     });
     return found;
 }

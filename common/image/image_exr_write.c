@@ -70,14 +70,10 @@ static int list_sources(const img *im, const img_write_opts *opts, source *src)
 static exr_result_t put_attr(exr_context_t ctx, const img_attr *a)
 {
     switch (a->kind) {
-    case IMG_ATTR_STRING:
-        return exr_attr_set_string(ctx, 0, a->name, a->s);
-    case IMG_ATTR_FLOAT:
-        return exr_attr_set_float(ctx, 0, a->name, (float)a->v[0]);
-    case IMG_ATTR_INT:
-        return exr_attr_set_int(ctx, 0, a->name, (int32_t)a->v[0]);
-    case IMG_ATTR_FLOATS:
-        return exr_attr_set_float_vector(ctx, 0, a->name, a->n, a->f);
+    case IMG_ATTR_STRING: return exr_attr_set_string(ctx, 0, a->name, a->s);
+    case IMG_ATTR_FLOAT: return exr_attr_set_float(ctx, 0, a->name, (float)a->v[0]);
+    case IMG_ATTR_INT: return exr_attr_set_int(ctx, 0, a->name, (int32_t)a->v[0]);
+    case IMG_ATTR_FLOATS: return exr_attr_set_float_vector(ctx, 0, a->name, a->n, a->f);
     case IMG_ATTR_CHROMATICITIES: {
         exr_attr_chromaticities_t c = {a->f[0], a->f[1], a->f[2], a->f[3],
                                        a->f[4], a->f[5], a->f[6], a->f[7]};

@@ -10,17 +10,13 @@
 static int put_attr(ImfHeader *h, const img_attr *a)
 {
     switch (a->kind) {
-    case IMG_ATTR_STRING:
-        return ImfHeaderSetStringAttribute(h, a->name, a->s);
-    case IMG_ATTR_FLOAT:
-        return ImfHeaderSetFloatAttribute(h, a->name, (float)a->v[0]);
-    case IMG_ATTR_INT:
-        return ImfHeaderSetIntAttribute(h, a->name, (int)a->v[0]);
+    case IMG_ATTR_STRING: return ImfHeaderSetStringAttribute(h, a->name, a->s);
+    case IMG_ATTR_FLOAT: return ImfHeaderSetFloatAttribute(h, a->name, (float)a->v[0]);
+    case IMG_ATTR_INT: return ImfHeaderSetIntAttribute(h, a->name, (int)a->v[0]);
     case IMG_ATTR_V3F:
         return ImfHeaderSetV3fAttribute(h, a->name, (float)a->v[0], (float)a->v[1], (float)a->v[2]);
     case IMG_ATTR_FLOATS:
-    case IMG_ATTR_CHROMATICITIES:
-        break; /* the interface has no call for it */
+    case IMG_ATTR_CHROMATICITIES: break; /* the interface has no call for it */
     }
     return 0;
 }

@@ -15,8 +15,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "image_internal.h"
 #include "base/remark.h"
+#include "image_internal.h"
 
 enum { HEADER_MAX = 1 << 20, LINE_MAX_BYTES = 4096, RLE_MIN = 8, RLE_MAX = 32767 };
 
@@ -98,8 +98,7 @@ static int header_line(img_reader *r, hdr_state *s, const char *line, errmsg *e)
     double v[3];
     if (strncmp(line, "FORMAT=", 7) == 0) {
         const char *name = line + 7 + strspn(line + 7, " \t");
-        if (strncmp(name, "32-bit_rle_xyze", 15) == 0)
-            s->xyz = 1;
+        if (strncmp(name, "32-bit_rle_xyze", 15) == 0) s->xyz = 1;
         else if (strncmp(name, "32-bit_rle_rgbe", 15) != 0)
             return img_bad(r, e, "expected FORMAT=32-bit_rle_rgbe or 32-bit_rle_xyze, found '%.100s'", line);
     } else if (strncmp(line, "EXPOSURE=", 9) == 0) {
@@ -195,8 +194,7 @@ static int hdr_open(img_reader *r, errmsg *e)
     for (int i = 0; i < 3; i++)
         if (!isfinite(s->scale[i]) || !(s->scale[i] > 0))
             return img_bad(r, e, "EXPOSURE lines multiply out of range");
-    if (s->xyz)
-        xyz_matrix(s->to_rgb);
+    if (s->xyz) xyz_matrix(s->to_rgb);
     else if (s->recolour)
         remark(
             r->path,

@@ -106,10 +106,8 @@ int img_write_hdr(const img *im, outfile *o, const char *path, const img_write_o
             }
             to_rgbe(b, rgb);
             for (size_t c = 0; c < 4; c++) {
-                if (rle)
-                    planes[c * width + (size_t)x] = b[c];
-                else
-                    planes[4 * (size_t)x + c] = b[c];
+                if (rle) planes[c * width + (size_t)x] = b[c];
+                else planes[4 * (size_t)x + c] = b[c];
             }
         }
         if (!rle) {

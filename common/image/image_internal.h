@@ -11,8 +11,8 @@
 
 #include <stdio.h>
 
-#include "image.h"
 #include "base/outfile.h"
+#include "image.h"
 
 enum { IMG_HEAD = 4096 }; /* bytes of a file that sniff() gets to see */
 
@@ -30,7 +30,7 @@ struct img_reader {
     img_info info;  /* as the codec gives the rows: width and height as stored */
     img_info shown; /* as the caller gets them (image_shape.c) */
     img_open_opts opts;
-    int turned; /* the codec has turned the picture itself */
+    int turned;    /* the codec has turned the picture itself */
     int fractions; /* coded values need not be whole numbers */
     const img_codec *codec;
     const char *path; /* for messages; owned */

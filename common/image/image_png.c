@@ -194,12 +194,9 @@ int img_write_png(const img *im, outfile *o, const char *path, const img_write_o
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, words, keep_error, no_warning);
     if (png) info = png_create_info_struct(png);
     volatile int rc = 0;
-    if (!line || !info)
-        rc = err_set(e, "%s: out of memory", path);
-    else if (setjmp(png_jmpbuf(png)))
-        rc = err_set(e, "%s: can't write PNG: %s", path, words);
-    else
-        png_write_all(png, info, im, out_stream(o), opts->comment, line);
+    if (!line || !info) rc = err_set(e, "%s: out of memory", path);
+    else if (setjmp(png_jmpbuf(png))) rc = err_set(e, "%s: can't write PNG: %s", path, words);
+    else png_write_all(png, info, im, out_stream(o), opts->comment, line);
     if (png) png_destroy_write_struct(&png, info ? &info : NULL);
     free(line);
     return rc;

@@ -29,12 +29,9 @@ static int skip_space(FILE *f, int *budget)
 {
     int c, comment = 0;
     while ((c = getc_unlocked(f)) != EOF && (*budget)-- > 0) {
-        if (comment)
-            comment = c != '\n';
-        else if (c == '#')
-            comment = 1;
-        else if (!isspace(c))
-            return c;
+        if (comment) comment = c != '\n';
+        else if (c == '#') comment = 1;
+        else if (!isspace(c)) return c;
     }
     return EOF;
 }

@@ -16,8 +16,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "image_internal.h"
 #include "base/remark.h"
+#include "image_internal.h"
 
 static const int64_t file_max = (int64_t)1 << 30;
 
@@ -141,9 +141,9 @@ static int raw_open(img_reader *r, errmsg *e)
     if (!s->file || !s->raw) return img_bad(r, e, "out of memory");
     if (fread(s->file, 1, size, r->f) != size) return img_bad(r, e, "can't read");
     libraw_set_dataerror_handler(s->raw,
-                                 _Generic((data_callback)0, void (*)(void *, const char *, const int)
-                                          : on_data_error, default
-                                          : on_data_error_64),
+                                 _Generic((data_callback)0,
+                                     void (*)(void *, const char *, const int): on_data_error,
+                                     default: on_data_error_64),
                                  s);
     libraw_output_params_t *p = &s->raw->params;
     p->use_camera_wb = 1;

@@ -14,8 +14,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "image_internal.h"
 #include "base/remark.h"
+#include "image_internal.h"
 
 static const double square = 0.01; /* pixels are square to this: Radiance writes no PIXASPECT below it */
 static const double most_oblong = 16;
@@ -39,8 +39,7 @@ static void keep(void *held, int bytes, size_t first, const float *v, size_t n)
         for (size_t i = 0; i < n; i++) ((uint8_t *)held)[first + i] = (uint8_t)v[i];
     else if (bytes == 2)
         for (size_t i = 0; i < n; i++) ((uint16_t *)held)[first + i] = (uint16_t)v[i];
-    else
-        memcpy((float *)held + first, v, n * sizeof *v);
+    else memcpy((float *)held + first, v, n * sizeof *v);
 }
 
 void img_held(float *row, const void *held, int bytes, size_t first, size_t n)
@@ -49,8 +48,7 @@ void img_held(float *row, const void *held, int bytes, size_t first, size_t n)
         for (size_t i = 0; i < n; i++) row[i] = ((const uint8_t *)held)[first + i];
     else if (bytes == 2)
         for (size_t i = 0; i < n; i++) row[i] = ((const uint16_t *)held)[first + i];
-    else
-        memcpy(row, (const float *)held + first, n * sizeof *row);
+    else memcpy(row, (const float *)held + first, n * sizeof *row);
 }
 
 int img_hold(void **held, int bytes, img_reader *r, int width, int height, int channels, img_order order,
@@ -71,10 +69,8 @@ int img_hold(void **held, int bytes, img_reader *r, int width, int height, int c
         }
     }
     free(line);
-    if (rc < 0)
-        free(all);
-    else
-        *held = all;
+    if (rc < 0) free(all);
+    else *held = all;
     return rc;
 }
 
@@ -114,10 +110,8 @@ static void mix(float *to, const float *a, double wa, const float *b, double wb,
         double va = wa * (double)a[colours], vb = wb * (double)b[colours];
         share = va + vb;
         to[colours] = (float)share;
-        if (share > 0)
-            wa = va, wb = vb;
-        else
-            share = 1;
+        if (share > 0) wa = va, wb = vb;
+        else share = 1;
     }
     for (int c = 0; c < colours; c++) to[c] = (float)((wa * (double)a[c] + wb * (double)b[c]) / share);
 }
@@ -195,10 +189,8 @@ static int plan_stretch(img_reader *r, struct img_shape *s, errmsg *e)
             most_oblong, aspect);
     if (s->order.columns) aspect = 1 / aspect;
     int64_t w = s->w, h = s->h;
-    if (aspect > 1)
-        h = llround((double)h * aspect), s->tall = h > s->h;
-    else
-        w = llround((double)w / aspect), s->wide = w > s->w;
+    if (aspect > 1) h = llround((double)h * aspect), s->tall = h > s->h;
+    else w = llround((double)w / aspect), s->wide = w > s->w;
     if (img_check_size(r->path, w, h, e) < 0) return -1;
     if (!s->tall && !s->wide) return 0;
     remark(r->path, "its pixels are not square (height / width %.4g): %dx%d stretched to %dx%d",

@@ -30,8 +30,8 @@ typedef struct tiff_state {
     uint32_t band; /* which row of strips or tiles is in buf; UINT32_MAX: none */
 } tiff_state;
 
-/* What libtiff said, kept per thread.  Its global handlers are anybody's (whoever reads EXIF data turns them off): each
- * file has a handler of its own. */
+/* What libtiff said, kept per thread.  Its global handlers are anybody's (whoever reads EXIF data turns them
+ * off): each file has a handler of its own. */
 static _Thread_local char last_words[200];
 
 static int keep_words(TIFF *tif, void *user, const char *module, const char *fmt, va_list ap)
@@ -254,10 +254,8 @@ static int tiff_row(img_reader *r, float *line, errmsg *e)
         size_t tile = s->tiled ? x / s->tile_w : 0, col = s->tiled ? x % s->tile_w : x;
         for (size_t c = 0; c < file_channels; c++) {
             const unsigned char *p = s->buf + in_unit * s->unit_row;
-            if (s->separate)
-                p += (c * across + tile) * s->unit + col * bytes;
-            else
-                p += tile * s->unit + (col * s->samples + c) * bytes;
+            if (s->separate) p += (c * across + tile) * s->unit + col * bytes;
+            else p += tile * s->unit + (col * s->samples + c) * bytes;
             double v = sample_at(s, p);
             if (s->palette) {
                 for (size_t k = 0; k < 3; k++) line[3 * x + k] = s->map[k][(size_t)v];

@@ -5,8 +5,8 @@
 #include <string.h>
 #include <strings.h>
 
-#include "image_internal.h"
 #include "base/outfile.h"
+#include "image_internal.h"
 
 static const float half_max = 65504; /* largest finite HALF */
 
@@ -58,10 +58,8 @@ int img_write(const img *im, const char *path, const img_write_opts *opts, errms
     if (img_check_size(path, info->width, info->height, e) < 0) return -1;
 
     img_write_opts given = {0};
-    if (opts)
-        given = *opts;
-    else
-        given.type = fits_half(im) ? IMG_HALF : IMG_FLOAT;
+    if (opts) given = *opts;
+    else given.type = fits_half(im) ? IMG_HALF : IMG_FLOAT;
     if (given.nplanes && !exr)
         return err_set(e, "%s: expected a name that ends in .exr for extra channels", path);
     if (check_values(path, "channel", im->pix, (size_t)info->channels, info->channels, info->width,

@@ -14,7 +14,8 @@ extern "C" {
 extern int cli_threads; // cli.h, which is C11
 }
 
-namespace vision {
+namespace vision
+{
 
 // Runs work() (which returns 0, or -1 with *e set); what it throws ends as -1 with words.
 // `what` names the job in the message.  OpenCV's threads are as many as --threads says.

@@ -35,7 +35,8 @@ motion motion_scaled(motion m, double factor)
     return {m.angle, factor * m.dx + half - x, factor * m.dy + half - y};
 }
 
-namespace {
+namespace
+{
 
 enum { ROUNDS = 60, SMOOTH = 5 };
 const double enough = 1e-5; // gain of the correlation at which a level ends
@@ -77,9 +78,10 @@ motion refined(const level &l, const motion &m)
 {
     cv::Mat w = matrix_of(m);
     try {
-        cv::findTransformECC(l.rest, l.moved, w, cv::MOTION_EUCLIDEAN,
-                             cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, ROUNDS, enough), l.seen,
-                             SMOOTH);
+        cv::findTransformECC(
+            l.rest, l.moved, w, cv::MOTION_EUCLIDEAN,
+            cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, ROUNDS, enough), l.seen,
+            SMOOTH);
     } catch (const cv::Exception &x) {
         if (x.code != cv::Error::StsNoConv) throw;
         return m;
@@ -108,8 +110,8 @@ void correlations(motion_found *out, const level &l)
 
 } // namespace
 
-int vision_motion(motion_found *out, const float *rest, const float *moved, const unsigned char *seen, int w, int h,
-                  int levels, errmsg *e)
+int vision_motion(motion_found *out, const float *rest, const float *moved, const unsigned char *seen, int w,
+                  int h, int levels, errmsg *e)
 {
     return vision::guarded(e, "aligning", [&] {
         level finest;

@@ -62,10 +62,8 @@ std::string indented_lists(const std::string &s)
             start = false;
         }
         if (quote) {
-            if (c == '\\' && quote == '"' && i + 1 < s.size())
-                out += s[i++], c = s[i];
-            else if (c == quote || c == '\n')
-                quote = 0;
+            if (c == '\\' && quote == '"' && i + 1 < s.size()) out += s[i++], c = s[i];
+            else if (c == quote || c == '\n') quote = 0;
         } else if (c == '#' && (i == 0 || std::isspace(static_cast<unsigned char>(s[i - 1])))) {
             while (i < s.size() && s[i] != '\n') i++; // a comment
             c = '\n';
@@ -91,10 +89,8 @@ bool all_numbers(std::vector<double> &v, const cv::FileNode &n, int depth)
 {
     if (depth > 8) return false;
     for (const cv::FileNode &q : n) {
-        if (q.isInt() || q.isReal())
-            v.push_back(q.real());
-        else if (!q.isSeq() || !all_numbers(v, q, depth + 1))
-            return false;
+        if (q.isInt() || q.isReal()) v.push_back(q.real());
+        else if (!q.isSeq() || !all_numbers(v, q, depth + 1)) return false;
     }
     return true;
 }

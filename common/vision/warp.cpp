@@ -9,7 +9,8 @@ extern "C" {
 #include "warp.h"
 }
 
-namespace {
+namespace
+{
 
 // the least part of a clipped code that makes the result clipped: below, it is within a code of the other
 const float part = 1.f / 512;
@@ -28,11 +29,13 @@ void to_light(cv::Mat &light, cv::Mat &clipped, const cv::Mat &codes, const warp
     for (int y = 0; y < codes.rows; y++) {
         const uint16_t *z = codes.ptr<uint16_t>(y);
         float *to = clipped.ptr<float>(y);
-        for (int i = 0; i < codes.cols * codes.channels(); i++) to[i] = z[i] >= o.clip[i % codes.channels()] ? 1.f : 0.f;
+        for (int i = 0; i < codes.cols * codes.channels(); i++)
+            to[i] = z[i] >= o.clip[i % codes.channels()] ? 1.f : 0.f;
     }
 }
 
-// Values of `light` at the moved places, by a cubic kernel, but none beyond the four pixels around: a lamp has no dark ring.
+// Values of `light` at the moved places, by a cubic kernel, but none beyond the four pixels around: a lamp
+// has no dark ring.
 cv::Mat at_places(const cv::Mat &light, const cv::Mat &w, cv::Size size)
 {
     const int flags = cv::WARP_INVERSE_MAP;
@@ -109,7 +112,8 @@ void warp_plane(cv::Mat out, cv::Mat seen, const cv::Mat &in, const motion &m, c
     }
 }
 
-// A mosaic's planes of one colour, each at half the size: pixel p of plane (ox, oy) is pixel 2p + o of the picture.
+// A mosaic's planes of one colour, each at half the size: pixel p of plane (ox, oy) is pixel 2p + o of the
+// picture.
 void warp_mosaic(uint16_t *out, uint8_t *seen, const uint16_t *in, const motion &m, const warp_opts &o)
 {
     for (int oy = 0; oy < 2; oy++)
@@ -123,7 +127,8 @@ void warp_mosaic(uint16_t *out, uint8_t *seen, const uint16_t *in, const motion 
             motion half = {m.angle, (m.dx + x - ox) / 2, (m.dy + y - oy) / 2};
             for (int i = 0; i < h; i++)
                 for (int k = 0; k < w; k++)
-                    from.at<uint16_t>(i, k) = in[(size_t)(2 * i + oy) * (size_t)o.width + (size_t)(2 * k + ox)];
+                    from.at<uint16_t>(i, k) =
+                        in[(size_t)(2 * i + oy) * (size_t)o.width + (size_t)(2 * k + ox)];
             warp_opts plane = o;
             plane.clip[0] = o.clip[2 * oy + ox];
             warp_plane(to, there, from, half, plane);
@@ -138,7 +143,8 @@ void warp_mosaic(uint16_t *out, uint8_t *seen, const uint16_t *in, const motion 
 
 } // namespace
 
-int vision_warp(uint16_t *out, uint8_t *seen, const uint16_t *in, const motion *m, const warp_opts *o, errmsg *e)
+int vision_warp(uint16_t *out, uint8_t *seen, const uint16_t *in, const motion *m, const warp_opts *o,
+                errmsg *e)
 {
     return vision::guarded(e, "aligning", [&] {
         if (o->mosaic) {
@@ -146,7 +152,8 @@ int vision_warp(uint16_t *out, uint8_t *seen, const uint16_t *in, const motion *
             return 0;
         }
         int type = CV_16UC(o->channels);
-        cv::Mat from(o->height, o->width, type, const_cast<uint16_t *>(in)), to(o->height, o->width, type, out);
+        cv::Mat from(o->height, o->width, type, const_cast<uint16_t *>(in)),
+            to(o->height, o->width, type, out);
         warp_plane(to, cv::Mat(o->height, o->width, CV_8U, seen), from, *m, *o);
         return 0;
     });

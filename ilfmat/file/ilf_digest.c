@@ -1,12 +1,14 @@
 /*
  * ilf_digest.c - one number that tells two light fields apart.
  *
- * It is taken from the values that lookups see, as float32 in probe order, so that neither the file's name and date nor
- * type, compression and order of its texels play a part: half values are the floats that they stand for.  All of
- * them count, for a change of a single texel is a change of light; the cost is one look through the file, as a sampler takes.
+ * It is taken from the values that lookups see, as float32 in probe order, so that neither the file's name
+ * and date nor type, compression and order of its texels play a part: half values are the floats that they
+ * stand for.  All of them count, for a change of a single texel is a change of light; the cost is one look
+ * through the file, as a sampler takes.
  *
- * Two chains of h <- (h ^ word) * K, h ^= h >> 32 (each step is invertible, so that a difference never vanishes within a
- * chain), joined and finished as in MurmurHash3's fmix64.  It guards against mistakes, not against forgery.
+ * Two chains of h <- (h ^ word) * K, h ^= h >> 32 (each step is invertible, so that a difference never
+ * vanishes within a chain), joined and finished as in MurmurHash3's fmix64.  It guards against mistakes, not
+ * against forgery.
  */
 #include "ilf_internal.h"
 
@@ -40,7 +42,8 @@ static void probe_digest(uint64_t h[2], const ilf *f, const unsigned char *pix)
         for (int x = 0; x < f->info.n_theta; x++) {
             const unsigned char *p = pix + (size_t)x * f->pixel_bytes;
 
-            a = chain(a, bits(ilf_texel(f, p + f->chan_offset[0])) << 32 | bits(ilf_texel(f, p + f->chan_offset[1])));
+            a = chain(a, bits(ilf_texel(f, p + f->chan_offset[0])) << 32 |
+                             bits(ilf_texel(f, p + f->chan_offset[1])));
             b = chain(b, bits(ilf_texel(f, p + f->chan_offset[2])));
         }
     h[0] = a;

@@ -1,8 +1,9 @@
 /*
  * ilf_dwa.c - decode the DWA compressions, which OpenEXR 3.1's core library leaves to the older library.
  *
- * That library's C interface reads half RGBA tiles.  Nothing is lost by it: what DWA compresses of channels R, G and B it
- * turns into halves itself, FLOAT or not.  (A tile that compression did not make smaller is not read this way.)
+ * That library's C interface reads half RGBA tiles.  Nothing is lost by it: what DWA compresses of channels
+ * R, G and B it turns into halves itself, FLOAT or not.  (A tile that compression did not make smaller is not
+ * read this way.)
  */
 #include <ImfCRgbaFile.h>
 #include <stdio.h>
@@ -15,10 +16,8 @@ static void put(unsigned char *texel, ImfHalf h, const ilf *f)
 {
     const float v = ilf_half_to_float_all(h);
 
-    if (f->is_half)
-        memcpy(texel, &h, sizeof h);
-    else
-        memcpy(texel, &v, sizeof v);
+    if (f->is_half) memcpy(texel, &h, sizeof h);
+    else memcpy(texel, &v, sizeof v);
 }
 
 ilf_status ilf_decode_dwa(const ilf *f, int i, int j, unsigned char *pix, ilf_error *err)
@@ -31,10 +30,10 @@ ilf_status ilf_decode_dwa(const ilf *f, int i, int j, unsigned char *pix, ilf_er
     ImfTiledInputFile *in = rgba && sound ? ImfOpenTiledInputFile(name) : NULL;
     ilf_status st = ILF_OK;
 
-    if (!rgba)
-        st = ilf_fail(err, ILF_ERR_MEMORY, "%s: probe (%d,%d): no memory", f->path, i, j);
+    if (!rgba) st = ilf_fail(err, ILF_ERR_MEMORY, "%s: probe (%d,%d): no memory", f->path, i, j);
     else if (!sound)
-        st = ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%d,%d): expected a header whose sizes fit", f->path, i, j);
+        st = ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%d,%d): expected a header whose sizes fit", f->path, i,
+                      j);
     else if (!in)
         st = ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%d,%d): %s", f->path, i, j, ImfErrorMessage());
     else {
@@ -42,8 +41,8 @@ ilf_status ilf_decode_dwa(const ilf *f, int i, int j, unsigned char *pix, ilf_er
         ImfRgba *base = rgba - (ptrdiff_t)((size_t)j * h * w) - (ptrdiff_t)((size_t)i * w);
 
         if (!ImfTiledInputSetFrameBuffer(in, base, 1, w) || !ImfTiledInputReadTile(in, i, j, 0, 0))
-            st = ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%d,%d): expected a whole tile, found: %s", f->path, i, j,
-                          ImfErrorMessage());
+            st = ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%d,%d): expected a whole tile, found: %s", f->path,
+                          i, j, ImfErrorMessage());
         else
             for (size_t y = 0; y < h; y++)
                 for (size_t x = 0; x < w; x++) {

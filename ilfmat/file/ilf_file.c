@@ -54,7 +54,8 @@ static void keep_words(exr_const_context_t ctxt, exr_result_t code, const char *
 
     if (!ctxt || exr_get_user_data(ctxt, &user) != EXR_ERR_SUCCESS || !user) return;
     ilf *f = user;
-    if (!f->exr_words.text[0]) ilf_fail(&f->exr_words, ILF_ERR_FORMAT, "%s", msg ? msg : exr_get_default_error_message(code));
+    if (!f->exr_words.text[0])
+        ilf_fail(&f->exr_words, ILF_ERR_FORMAT, "%s", msg ? msg : exr_get_default_error_message(code));
 }
 
 static ilf_status exr_failed(const ilf *f, exr_result_t code, const char *what, ilf_error *err)
@@ -72,12 +73,12 @@ static ilf_status attribute(const ilf *f, const char *name, exr_attribute_type_t
     if (exr_get_attribute_by_name(f->exr, 0, name, attr) != EXR_ERR_SUCCESS || !*attr) {
         *attr = NULL;
         if (optional) return ILF_OK;
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected an attribute of type %s, found none", f->path, name,
-                        type_name);
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected an attribute of type %s, found none", f->path,
+                        name, type_name);
     }
     if ((*attr)->type != type)
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected an attribute of type %s, found type %s", f->path, name,
-                        type_name, (*attr)->type_name);
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected an attribute of type %s, found type %s",
+                        f->path, name, type_name, (*attr)->type_name);
     return ILF_OK;
 }
 
@@ -98,7 +99,8 @@ static ilf_status read_attributes(ilf *f, ilf_error *err)
 
     if ((st = attribute(f, "ilf:version", EXR_ATTR_INT, "int", 0, &a, err)) != ILF_OK) return st;
     if (a->i != ILF_FILE_VERSION)
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: ilf:version: expected %d, found %d", f->path, ILF_FILE_VERSION, a->i);
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: ilf:version: expected %d, found %d", f->path,
+                        ILF_FILE_VERSION, a->i);
     if ((st = vector_attribute(f, "ilf:origin", f->info.origin, err)) != ILF_OK) return st;
     if ((st = vector_attribute(f, "ilf:U", f->info.U, err)) != ILF_OK) return st;
     if ((st = vector_attribute(f, "ilf:V", f->info.V, err)) != ILF_OK) return st;
@@ -131,28 +133,33 @@ static ilf_status read_layout(ilf *f, ilf_error *err)
     exr_compression_t compression;
 
     if (exr_get_storage(f->exr, 0, &storage) != EXR_ERR_SUCCESS || storage != EXR_STORAGE_TILED)
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected a tiled image, found scan lines or deep data", f->path);
+        return ilf_fail(err, ILF_ERR_FORMAT,
+                        "%s: tiles: expected a tiled image, found scan lines or deep data", f->path);
     if (exr_get_tile_descriptor(f->exr, 0, &tw, &th, &level, &round) != EXR_ERR_SUCCESS)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected a tile description, found none", f->path);
     if (level != EXR_TILE_ONE_LEVEL)
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected ONE_LEVEL, found a multi-resolution image", f->path);
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected ONE_LEVEL, found a multi-resolution image",
+                        f->path);
     if (exr_get_data_window(f->exr, 0, &dw) != EXR_ERR_SUCCESS)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: dataWindow: expected one, found none", f->path);
     if (dw.min.x != 0 || dw.min.y != 0)
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: dataWindow: expected to begin at (0,0), found (%d,%d)", f->path,
-                        dw.min.x, dw.min.y);
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: dataWindow: expected to begin at (0,0), found (%d,%d)",
+                        f->path, dw.min.x, dw.min.y);
     const int64_t w = (int64_t)dw.max.x + 1, h = (int64_t)dw.max.y + 1;
     if (tw < 1 || th < 1 || tw > ILF_MAX_SIDE || th > ILF_MAX_SIDE)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected a size from 1 to %d, found %ux%u", f->path,
                         ILF_MAX_SIDE, tw, th);
     if (w < 1 || h < 1 || w % tw || h % th)
-        return ilf_fail(err, ILF_ERR_FORMAT,
-                        "%s: dataWindow: expected whole tiles of %ux%u (one tile is one probe), found %lldx%lld", f->path,
-                        tw, th, (long long)w, (long long)h);
+        return ilf_fail(
+            err, ILF_ERR_FORMAT,
+            "%s: dataWindow: expected whole tiles of %ux%u (one tile is one probe), found %lldx%lld", f->path,
+            tw, th, (long long)w, (long long)h);
     f->info.n_theta = (int)tw, f->info.n_phi = (int)th;
     f->info.n_u = (int)(w / tw), f->info.n_v = (int)(h / th);
-    if (exr_get_compression(f->exr, 0, &compression) != EXR_ERR_SUCCESS || (int)compression < 0 || (int)compression >= EXR_COMPRESSIONS)
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: compression: expected one that OpenEXR knows, found number %d", f->path,
+    if (exr_get_compression(f->exr, 0, &compression) != EXR_ERR_SUCCESS || (int)compression < 0 ||
+        (int)compression >= EXR_COMPRESSIONS)
+        return ilf_fail(err, ILF_ERR_FORMAT,
+                        "%s: compression: expected one that OpenEXR knows, found number %d", f->path,
                         (int)compression);
     f->info.compression = exr_compression_words[compression].name;
     f->is_dwa = compression == EXR_COMPRESSION_DWAA || compression == EXR_COMPRESSION_DWAB;
@@ -174,14 +181,17 @@ static ilf_status read_channels(ilf *f, ilf_error *err)
         for (int c = 0; c < 3; c++)
             if (!strcmp(e->name.str, names[c])) found[c] = k;
         if (e->pixel_type != EXR_PIXEL_HALF && e->pixel_type != EXR_PIXEL_FLOAT)
-            return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected HALF or FLOAT, found UINT in %s", f->path, e->name.str);
+            return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected HALF or FLOAT, found UINT in %s",
+                            f->path, e->name.str);
         if (e->x_sampling != 1 || e->y_sampling != 1)
-            return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected no subsampling, found some in %s", f->path, e->name.str);
+            return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected no subsampling, found some in %s",
+                            f->path, e->name.str);
         half += e->pixel_type == EXR_PIXEL_HALF;
     }
     for (int c = 0; c < 3; c++)
         if (found[c] < 0)
-            return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected R, G, B, found no %s", f->path, names[c]);
+            return ilf_fail(err, ILF_ERR_FORMAT, "%s: channels: expected R, G, B, found no %s", f->path,
+                            names[c]);
     f->raw.bytes = 0;
     for (int k = 0; k < 3; k++)
         for (int c = 0; c < 3; c++)
@@ -196,7 +206,8 @@ static ilf_status read_channels(ilf *f, ilf_error *err)
     f->texel_bytes = f->is_half ? 2 : 4;
     f->row_bytes = 3 * (size_t)f->info.n_theta * f->texel_bytes;
     if ((int64_t)f->row_bytes > ILF_MAX_PROBE_BYTES / f->info.n_phi)
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected probes of at most %lld bytes, found %dx%d texels", f->path,
+        return ilf_fail(err, ILF_ERR_FORMAT,
+                        "%s: tiles: expected probes of at most %lld bytes, found %dx%d texels", f->path,
                         (long long)ILF_MAX_PROBE_BYTES, f->info.n_theta, f->info.n_phi);
     f->probe_bytes = f->row_bytes * (size_t)f->info.n_phi;
     return ILF_OK;
@@ -262,10 +273,13 @@ static ilf_status check_tiles(const ilf *f, ilf_error *err)
     if (exr_get_count(f->exr, &parts) != EXR_ERR_SUCCESS) parts = 1;
     const uint64_t table = table_offset(f, parts);
     if (table == 0 || table > end || (uint64_t)n > (end - table) / 8)
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected a table of %lld tiles, found the end of the file", f->path,
+        return ilf_fail(err, ILF_ERR_FORMAT,
+                        "%s: tiles: expected a table of %lld tiles, found the end of the file", f->path,
                         (long long)n);
     unsigned char *t = malloc((size_t)n * 8);
-    if (!t) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a table of %lld tiles", f->path, (long long)n);
+    if (!t)
+        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a table of %lld tiles", f->path,
+                        (long long)n);
     if (read_whole(f, t, (size_t)n * 8, table) != 0) {
         free(t);
         return ilf_fail(err, ILF_ERR_IO, "%s: tiles: the table can't be read", f->path);
@@ -276,7 +290,8 @@ static ilf_status check_tiles(const ilf *f, ilf_error *err)
         if (at < table + (uint64_t)n * 8 || at >= end) {
             free(t);
             return ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%lld,%lld): expected %s, found %s", f->path,
-                            (long long)(k % f->info.n_u), (long long)(k / f->info.n_u), "a tile inside the file",
+                            (long long)(k % f->info.n_u), (long long)(k / f->info.n_u),
+                            "a tile inside the file",
                             at == 0 ? "none (unfinished file)" : "one outside (truncated file)");
         }
         if (at > last) last = at;
@@ -287,7 +302,8 @@ static ilf_status check_tiles(const ilf *f, ilf_error *err)
     unsigned char size[4];
     if (end - last < head || read_whole(f, size, 4, last + head - 4) != 0 ||
         little_endian(size, 4) > end - last - head)
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: tiles: expected the last tile to end inside the file, found it truncated",
+        return ilf_fail(err, ILF_ERR_FORMAT,
+                        "%s: tiles: expected the last tile to end inside the file, found it truncated",
                         f->path);
     return ILF_OK;
 }
@@ -325,8 +341,10 @@ static ilf_status open_file(ilf *f, ilf_error *err)
     if (read_whole(f, found, 4, 0) != 0 || memcmp(found, magic, 4) != 0)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: expected an OpenEXR file, found something else", f->path);
     char words[128];
-    if (exr_foreign_compression(words, sizeof words, exr_stated_compression(f->fd, (uint64_t)f->info.file_bytes)))
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: compression: expected one that this program reads, %s", f->path, words);
+    if (exr_foreign_compression(words, sizeof words,
+                                exr_stated_compression(f->fd, (uint64_t)f->info.file_bytes)))
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: compression: expected one that this program reads, %s",
+                        f->path, words);
 
     exr_context_initializer_t init = EXR_DEFAULT_CONTEXT_INITIALIZER;
     init.user_data = f;
@@ -348,7 +366,8 @@ static ilf_status make_probes(ilf *f, ilf_error *err)
 
     f->probes = calloc(n, sizeof *f->probes);
     f->pix = calloc(n, sizeof *f->pix);
-    if (!f->probes || !f->pix) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for %zu probes", f->path, n);
+    if (!f->probes || !f->pix)
+        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for %zu probes", f->path, n);
     void *m = mmap(NULL, (size_t)f->info.file_bytes, PROT_READ, MAP_SHARED, f->fd, 0);
     if (m != MAP_FAILED) {
         f->map = m;

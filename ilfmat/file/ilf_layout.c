@@ -1,17 +1,18 @@
 /*
  * ilf_layout.c - in which order texels lie in memory, and the part of a file that holds them interleaved.
  *
- * The first part of a file is what the format says: for each row of a tile all B, then all G, then all R.  Used in
- * place, a lookup then needs 24 short stretches of it, each from another cache line.  A second part may
- * hold the same numbers once more for use in place, a texel's R G B side by side:
+ * The first part of a file is what the format says: for each row of a tile all B, then all G, then all R.
+ * Used in place, a lookup then needs 24 short stretches of it, each from another cache line.  A second part
+ * may hold the same numbers once more for use in place, a texel's R G B side by side:
  *
  *     name "interleaved", attribute ilf:interleaved (int) = 1, tiled, ONE_LEVEL, not compressed
  *     one channel RGB, HALF or FLOAT as the first part's
- *     tile (i, j) is probe (i, j), (3 n_theta) x n_phi;  texel (x, y), channel c stands in column 3x + c, row y
+ *     tile (i, j) is probe (i, j), (3 n_theta) x n_phi;  texel (x, y), channel c stands in column 3x + c, row
+ * y
  *
- * It is derived data: a reader may ignore it, and the first part counts.  So a part that looks otherwise is not
- * used, and each of its tiles is compared with the first part's when it is first needed.  (A digest in the
- * header would not do: to tell that the first part was edited, the first part must be read.)
+ * It is derived data: a reader may ignore it, and the first part counts.  So a part that looks otherwise is
+ * not used, and each of its tiles is compared with the first part's when it is first needed.  (A digest in
+ * the header would not do: to tell that the first part was edited, the first part must be read.)
  */
 #include <stdlib.h>
 #include <unistd.h>
@@ -31,16 +32,19 @@ static int is_interleaved(const ilf *f, int part)
     exr_tile_round_mode_t round;
     exr_compression_t compression;
 
-    return exr_get_attribute_by_name(f->exr, part, ILF_INTERLEAVED_ATTRIBUTE, &a) == EXR_ERR_SUCCESS && a && a->type == EXR_ATTR_INT &&
-           a->i == 1 && exr_get_storage(f->exr, part, &storage) == EXR_ERR_SUCCESS && storage == EXR_STORAGE_TILED &&
-           exr_get_compression(f->exr, part, &compression) == EXR_ERR_SUCCESS && compression == EXR_COMPRESSION_NONE &&
-           exr_get_tile_descriptor(f->exr, part, &tw, &th, &level, &round) == EXR_ERR_SUCCESS && level == EXR_TILE_ONE_LEVEL &&
-           tw == 3 * (uint32_t)f->info.n_theta && th == (uint32_t)f->info.n_phi &&
-           exr_get_data_window(f->exr, part, &dw) == EXR_ERR_SUCCESS && dw.min.x == 0 && dw.min.y == 0 && dw.max.x == w - 1 &&
-           dw.max.y == h - 1 && exr_get_channels(f->exr, part, &list) == EXR_ERR_SUCCESS && list->num_channels == 1 &&
+    return exr_get_attribute_by_name(f->exr, part, ILF_INTERLEAVED_ATTRIBUTE, &a) == EXR_ERR_SUCCESS && a &&
+           a->type == EXR_ATTR_INT && a->i == 1 &&
+           exr_get_storage(f->exr, part, &storage) == EXR_ERR_SUCCESS && storage == EXR_STORAGE_TILED &&
+           exr_get_compression(f->exr, part, &compression) == EXR_ERR_SUCCESS &&
+           compression == EXR_COMPRESSION_NONE &&
+           exr_get_tile_descriptor(f->exr, part, &tw, &th, &level, &round) == EXR_ERR_SUCCESS &&
+           level == EXR_TILE_ONE_LEVEL && tw == 3 * (uint32_t)f->info.n_theta &&
+           th == (uint32_t)f->info.n_phi && exr_get_data_window(f->exr, part, &dw) == EXR_ERR_SUCCESS &&
+           dw.min.x == 0 && dw.min.y == 0 && dw.max.x == w - 1 && dw.max.y == h - 1 &&
+           exr_get_channels(f->exr, part, &list) == EXR_ERR_SUCCESS && list->num_channels == 1 &&
            !strcmp(list->entries[0].name.str, ILF_INTERLEAVED_CHANNEL) &&
-           list->entries[0].pixel_type == (f->is_half ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT) && list->entries[0].x_sampling == 1 &&
-           list->entries[0].y_sampling == 1;
+           list->entries[0].pixel_type == (f->is_half ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT) &&
+           list->entries[0].x_sampling == 1 && list->entries[0].y_sampling == 1;
 }
 
 static int find_interleaved(const ilf *f)
@@ -123,10 +127,12 @@ static int copy_row(unsigned char *row, const unsigned char *planar, const ilf *
 }
 
 /* Each row of a raw tile at `planar` with the probe's at pix; 0 at the first that fails. */
-static int each_row(const ilf *f, unsigned char *pix, uint64_t planar, int (*row)(unsigned char *, const unsigned char *, const ilf *))
+static int each_row(const ilf *f, unsigned char *pix, uint64_t planar,
+                    int (*row)(unsigned char *, const unsigned char *, const ilf *))
 {
     /* read, not mapped: the first part's pages are not to count as this process's memory */
-    const size_t bytes = f->raw.bytes, rows = bytes < 1 << 16 ? (1 << 16) / bytes : 1, n_phi = (size_t)f->info.n_phi;
+    const size_t bytes = f->raw.bytes, rows = bytes < 1 << 16 ? (1 << 16) / bytes : 1,
+                 n_phi = (size_t)f->info.n_phi;
     unsigned char *some = malloc(rows * bytes);
     int good = some != NULL;
 

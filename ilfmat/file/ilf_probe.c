@@ -2,9 +2,9 @@
  * ilf_probe.c - bring in one probe, on the first lookup that needs it.
  *
  * A tile that lies uncompressed in the file is used where it is, in the mapped file: several
- * processes then share one copy, and a render's memory is the probes that it touches.  Where the file has a second part
- * with the same texels interleaved, that one is used, after it has been compared with the first part, which counts.
- * Any other tile is decoded into memory.  Either way the texels are checked once.
+ * processes then share one copy, and a render's memory is the probes that it touches.  Where the file has a
+ * second part with the same texels interleaved, that one is used, after it has been compared with the first
+ * part, which counts. Any other tile is decoded into memory.  Either way the texels are checked once.
  */
 #include <errno.h>
 #include <stdio.h>
@@ -44,7 +44,8 @@ static void row_mean(float mean[3], const ilf *f, const unsigned char *row)
     }
 }
 
-static ilf_status decode(ilf *f, const exr_chunk_info_t *chunk, unsigned char *pix, const char *where, ilf_error *err)
+static ilf_status decode(ilf *f, const exr_chunk_info_t *chunk, unsigned char *pix, const char *where,
+                         ilf_error *err)
 {
     exr_decode_pipeline_t d = EXR_DECODE_PIPELINE_INITIALIZER;
     exr_result_t r = exr_decoding_initialize(f->exr, 0, chunk, &d);
@@ -84,12 +85,16 @@ ilf_status ilf_check_unchanged(const ilf *f, ilf_error *err)
 
 ilf_status ilf_fail_changed(const ilf *f, ilf_error *err)
 {
-    return ilf_fail(err, ILF_ERR_CHANGED, "%s: expected the file as it was opened, found it changed (replace a light field in use by "
-                    "renaming a new one to its name)", f->path);
+    return ilf_fail(
+        err, ILF_ERR_CHANGED,
+        "%s: expected the file as it was opened, found it changed (replace a light field in use by "
+        "renaming a new one to its name)",
+        f->path);
 }
 
 /* Where part's tile (i, j) is; fails in one line if it is not inside the file. */
-static ilf_status find_tile(ilf *f, int part, int i, int j, exr_chunk_info_t *chunk, const char *where, ilf_error *err)
+static ilf_status find_tile(ilf *f, int part, int i, int j, exr_chunk_info_t *chunk, const char *where,
+                            ilf_error *err)
 {
     f->exr_words.text[0] = 0;
     const exr_result_t r = exr_read_tile_chunk_info(f->exr, part, i, j, 0, 0, chunk);
@@ -98,11 +103,13 @@ static ilf_status find_tile(ilf *f, int part, int i, int j, exr_chunk_info_t *ch
                         f->exr_words.text[0] ? f->exr_words.text : exr_get_default_error_message(r));
     if (chunk->unpacked_size == 0 || chunk->data_offset > (uint64_t)f->info.file_bytes ||
         chunk->packed_size > (uint64_t)f->info.file_bytes - chunk->data_offset)
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected a tile inside the file, found it truncated", f->path, where);
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected a tile inside the file, found it truncated",
+                        f->path, where);
     return ILF_OK;
 }
 
-/* Not compressed, be it that compression did not make it smaller: of which OpenEXR's core library knows nothing for B44 (3.1). */
+/* Not compressed, be it that compression did not make it smaller: of which OpenEXR's core library knows
+ * nothing for B44 (3.1). */
 static int is_raw(const ilf *f, const exr_chunk_info_t *chunk)
 {
     const size_t bytes = f->raw.bytes * (size_t)f->info.n_phi;
@@ -111,20 +118,23 @@ static int is_raw(const ilf *f, const exr_chunk_info_t *chunk)
 }
 
 /* Decode a tile of the first part into memory of its own. */
-static ilf_status decode_tile(ilf *f, int i, int j, const exr_chunk_info_t *chunk, const unsigned char **pix, void **own,
-                              const char *where, ilf_error *err)
+static ilf_status decode_tile(ilf *f, int i, int j, const exr_chunk_info_t *chunk, const unsigned char **pix,
+                              void **own, const char *where, ilf_error *err)
 {
     unsigned char *memory = malloc(TEXEL_HEAD + f->probe_bytes);
     ilf_status st;
 
-    if (!memory) return ilf_fail(err, ILF_ERR_MEMORY, "%s: %s: no memory for %zu bytes", f->path, where, f->probe_bytes);
+    if (!memory)
+        return ilf_fail(err, ILF_ERR_MEMORY, "%s: %s: no memory for %zu bytes", f->path, where,
+                        f->probe_bytes);
     memset(memory, 0, TEXEL_HEAD);
     if (is_raw(f, chunk))
         st = ilf_copy_texels(f, memory + TEXEL_HEAD, chunk->data_offset)
                  ? ILF_OK
                  : ilf_fail(err, ILF_ERR_IO, "%s: %s: can't be read", f->path, where);
     else
-        st = f->is_dwa ? ilf_decode_dwa(f, i, j, memory + TEXEL_HEAD, err) : decode(f, chunk, memory + TEXEL_HEAD, where, err);
+        st = f->is_dwa ? ilf_decode_dwa(f, i, j, memory + TEXEL_HEAD, err)
+                       : decode(f, chunk, memory + TEXEL_HEAD, where, err);
     if (st != ILF_OK) {
         free(memory);
         return st;
@@ -150,13 +160,14 @@ static ilf_status get_tile(ilf *f, int64_t k, const unsigned char **pix, void **
     if (st != ILF_OK) return st;
     if (f->second_part) {
         /* where it is not what the first part says, it was changed without it: then it does not count */
-        if (is_raw(f, &chunk) && find_tile(f, f->second_part, i, j, &second, where, NULL) == ILF_OK && is_raw(f, &second) &&
+        if (is_raw(f, &chunk) && find_tile(f, f->second_part, i, j, &second, where, NULL) == ILF_OK &&
+            is_raw(f, &second) &&
             (p->checked || ilf_same_texels(f, f->map + second.data_offset, chunk.data_offset)))
             *pix = f->map + second.data_offset;
     } else if (f->in_place) {
         if (!is_raw(f, &chunk))
-            return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected a tile of %zu bytes, found %llu", f->path, where, f->probe_bytes,
-                            (unsigned long long)chunk.packed_size);
+            return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected a tile of %zu bytes, found %llu", f->path,
+                            where, f->probe_bytes, (unsigned long long)chunk.packed_size);
         *pix = f->map + chunk.data_offset;
     }
     if (*pix && p->checked) return ILF_OK;
@@ -165,8 +176,9 @@ static ilf_status get_tile(ilf *f, int64_t k, const unsigned char **pix, void **
     if (bad >= 0) {
         const size_t y = (size_t)bad / f->row_bytes, rest = (size_t)bad % f->row_bytes;
         free(*own);
-        return ilf_fail(err, ILF_ERR_VALUE, "%s: %s, pixel (%zu,%zu): expected a finite value, found NaN or infinity", f->path, where,
-                        rest / f->pixel_bytes % (size_t)f->info.n_theta, y);
+        return ilf_fail(err, ILF_ERR_VALUE,
+                        "%s: %s, pixel (%zu,%zu): expected a finite value, found NaN or infinity", f->path,
+                        where, rest / f->pixel_bytes % (size_t)f->info.n_theta, y);
     }
     p->checked = !*own;
     return ILF_OK;
@@ -218,18 +230,22 @@ ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix
 void ilf_unpeek_probe(const ilf *f, const unsigned char *pix, void *own)
 {
     free(own);
-    /* decoded texels that a lookup keeps are memory that nothing else holds: to give them back would be to lose them */
+    /* decoded texels that a lookup keeps are memory that nothing else holds: to give them back would be to
+     * lose them */
     if (own || !f->map || pix < f->map || pix >= f->map + f->info.file_bytes) return;
-    /* a look through the whole file should not stay in memory: give back the pages that are the probe's alone */
+    /* a look through the whole file should not stay in memory: give back the pages that are the probe's alone
+     */
     const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
-    const uintptr_t from = ((uintptr_t)pix + page - 1) & ~(page - 1), to = ((uintptr_t)pix + f->probe_bytes) & ~(page - 1);
+    const uintptr_t from = ((uintptr_t)pix + page - 1) & ~(page - 1),
+                    to = ((uintptr_t)pix + f->probe_bytes) & ~(page - 1);
     if (to > from) madvise((void *)from, to - from, MADV_DONTNEED);
 }
 
 ilf_status ilf_read_probe(float *rgb, const ilf *f, int i, int j, ilf_error *err)
 {
     if (i < 0 || j < 0 || i >= f->info.n_u || j >= f->info.n_v)
-        return ilf_fail(err, ILF_ERR_ARG, "%s: probe (%d,%d): expected one of %dx%d", f->path, i, j, f->info.n_u, f->info.n_v);
+        return ilf_fail(err, ILF_ERR_ARG, "%s: probe (%d,%d): expected one of %dx%d", f->path, i, j,
+                        f->info.n_u, f->info.n_v);
     const int64_t k = (int64_t)j * f->info.n_u + i;
     const ilf_status st = ilf_need_probe(f, k, err);
     if (st != ILF_OK) return st;
@@ -237,6 +253,7 @@ ilf_status ilf_read_probe(float *rgb, const ilf *f, int i, int j, ilf_error *err
     for (int y = 0; y < f->info.n_phi; y++)
         for (int x = 0; x < f->info.n_theta; x++)
             for (int c = 0; c < 3; c++)
-                *rgb++ = ilf_texel(f, pix + (size_t)y * f->row_bytes + f->chan_offset[c] + (size_t)x * f->pixel_bytes);
+                *rgb++ = ilf_texel(f, pix + (size_t)y * f->row_bytes + f->chan_offset[c] +
+                                          (size_t)x * f->pixel_bytes);
     return ILF_OK;
 }

@@ -15,9 +15,9 @@ struct ilf_writer {
     char *path; /* as errors call the file */
     char *file; /* where it is */
     ilf_spec spec;
-    int64_t next;     /* probe to come */
-    uint16_t *half;   /* one probe, when the file holds halves */
-    ilf_error words;  /* OpenEXR's own */
+    int64_t next;    /* probe to come */
+    uint16_t *half;  /* one probe, when the file holds halves */
+    ilf_error words; /* OpenEXR's own */
 };
 
 /* The writer that this thread is in a call of.  Not the context's user data: asking a context that writes for
@@ -29,7 +29,8 @@ static void keep_words(exr_const_context_t ctxt, exr_result_t code, const char *
     ilf_writer *w = at_work;
 
     (void)ctxt;
-    if (w && !w->words.text[0]) ilf_fail(&w->words, ILF_ERR_IO, "%s", msg ? msg : exr_get_default_error_message(code));
+    if (w && !w->words.text[0])
+        ilf_fail(&w->words, ILF_ERR_IO, "%s", msg ? msg : exr_get_default_error_message(code));
 }
 
 static ilf_status failed(const ilf_writer *w, exr_result_t r, ilf_error *err)
@@ -56,7 +57,8 @@ static uint16_t to_half(float v)
     return (uint16_t)(sign | ((rounded - 0x38000000u) >> 13));
 }
 
-static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compression_t *compression, ilf_error *err)
+static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compression_t *compression,
+                             ilf_error *err)
 {
     ilf_frame frame;
     const int sides[4] = {s->n_u, s->n_v, s->n_theta, s->n_phi};
@@ -65,23 +67,28 @@ static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compressio
 
     for (int c = 0; c < 4; c++)
         if (sides[c] < 1 || sides[c] > ILF_MAX_SIDE)
-            return ilf_fail(err, ILF_ERR_ARG, "%s: expected grid and probe sizes from 1 to %d, found %d", path,
-                            ILF_MAX_SIDE, sides[c]);
+            return ilf_fail(err, ILF_ERR_ARG, "%s: expected grid and probe sizes from 1 to %d, found %d",
+                            path, ILF_MAX_SIDE, sides[c]);
     const int64_t w = (s->interleave ? 3 : 1) * (int64_t)s->n_u * s->n_theta, h = (int64_t)s->n_v * s->n_phi;
     if (w > INT32_MAX / 2 || h > INT32_MAX / 2 || (int64_t)s->n_theta * s->n_phi > ILF_MAX_PROBE_BYTES / 12)
-        return ilf_fail(err, ILF_ERR_ARG, "%s: %dx%d probes of %dx%d texels are more than a file can hold", path, s->n_u,
-                        s->n_v, s->n_theta, s->n_phi);
+        return ilf_fail(err, ILF_ERR_ARG, "%s: %dx%d probes of %dx%d texels are more than a file can hold",
+                        path, s->n_u, s->n_v, s->n_theta, s->n_phi);
     while (k < EXR_COMPRESSIONS && strcmp(exr_compression_words[k].name, name) != 0) k++;
     if (k == EXR_COMPRESSIONS)
-        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: expected none, rle, zips, zip, piz, pxr24, b44 or b44a, "
-                        "found %s", path, name);
+        return ilf_fail(err, ILF_ERR_ARG,
+                        "%s: compression: expected none, rle, zips, zip, piz, pxr24, b44 or b44a, "
+                        "found %s",
+                        path, name);
     *compression = (exr_compression_t)k;
     if (s->interleave && *compression != EXR_COMPRESSION_NONE)
-        return ilf_fail(err, ILF_ERR_ARG, "%s: compression: expected none for a file that holds its texels interleaved too, found %s",
-                        path, name);
+        return ilf_fail(
+            err, ILF_ERR_ARG,
+            "%s: compression: expected none for a file that holds its texels interleaved too, found %s", path,
+            name);
     if (*compression > EXR_COMPRESSION_B44A)
         return ilf_fail(err, ILF_ERR_ARG, "%s: compression: %s is not written; expected another", path, name);
-    ilf_status st = ilf_check_polar(s->polar_max, s->polar_valid > 0 ? s->polar_valid : s->polar_max, path, err);
+    ilf_status st =
+        ilf_check_polar(s->polar_max, s->polar_valid > 0 ? s->polar_valid : s->polar_max, path, err);
     if (st == ILF_OK) st = ilf_check_plane(&frame, s->origin, s->U, s->V, path, err);
     for (int c = 0; c < 3 && st == ILF_OK; c++)
         if (!isfinite((float)s->origin[c]) || !isfinite((float)s->U[c]) || !isfinite((float)s->V[c]))
@@ -96,7 +103,7 @@ static exr_result_t set_vector(exr_context_t x, const char *name, const double v
     return exr_attr_set_v3f(x, 0, name, &a);
 }
 
-#define TRY(call) \
+#define TRY(call)                                                                                            \
     if ((r = (call)) != EXR_ERR_SUCCESS) return r
 
 /* The part that ilf_layout.c describes. */
@@ -108,10 +115,13 @@ static exr_result_t add_interleaved(exr_context_t x, const ilf_spec *s, const ex
     int part;
 
     TRY(exr_add_part(x, ILF_INTERLEAVED_NAME, EXR_STORAGE_TILED, &part));
-    TRY(exr_initialize_required_attr(x, part, display, &window, 1.f, &centre, 1.f, EXR_LINEORDER_INCREASING_Y, EXR_COMPRESSION_NONE));
-    TRY(exr_set_tile_descriptor(x, part, 3 * (uint32_t)s->n_theta, (uint32_t)s->n_phi, EXR_TILE_ONE_LEVEL, EXR_TILE_ROUND_DOWN));
-    TRY(exr_add_channel(x, part, ILF_INTERLEAVED_CHANNEL, s->type == ILF_HALF ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT,
-                        EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1));
+    TRY(exr_initialize_required_attr(x, part, display, &window, 1.f, &centre, 1.f, EXR_LINEORDER_INCREASING_Y,
+                                     EXR_COMPRESSION_NONE));
+    TRY(exr_set_tile_descriptor(x, part, 3 * (uint32_t)s->n_theta, (uint32_t)s->n_phi, EXR_TILE_ONE_LEVEL,
+                                EXR_TILE_ROUND_DOWN));
+    TRY(exr_add_channel(x, part, ILF_INTERLEAVED_CHANNEL,
+                        s->type == ILF_HALF ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT, EXR_PERCEPTUALLY_LOGARITHMIC,
+                        1, 1));
     return exr_attr_set_int(x, part, ILF_INTERLEAVED_ATTRIBUTE, 1);
 }
 
@@ -126,8 +136,10 @@ static exr_result_t write_header(ilf_writer *w, exr_compression_t compression)
     int part;
 
     TRY(exr_add_part(x, "probes", EXR_STORAGE_TILED, &part));
-    TRY(exr_initialize_required_attr(x, 0, &window, &window, 1.f, &centre, 1.f, EXR_LINEORDER_INCREASING_Y, compression));
-    TRY(exr_set_tile_descriptor(x, 0, (uint32_t)s->n_theta, (uint32_t)s->n_phi, EXR_TILE_ONE_LEVEL, EXR_TILE_ROUND_DOWN));
+    TRY(exr_initialize_required_attr(x, 0, &window, &window, 1.f, &centre, 1.f, EXR_LINEORDER_INCREASING_Y,
+                                     compression));
+    TRY(exr_set_tile_descriptor(x, 0, (uint32_t)s->n_theta, (uint32_t)s->n_phi, EXR_TILE_ONE_LEVEL,
+                                EXR_TILE_ROUND_DOWN));
     TRY(exr_add_channel(x, 0, "B", type, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1));
     TRY(exr_add_channel(x, 0, "G", type, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1));
     TRY(exr_add_channel(x, 0, "R", type, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1));
@@ -170,10 +182,8 @@ ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec
     init.error_handler_fn = keep_words;
     at_work = w;
     exr_result_t r = exr_start_write(&w->exr, path, EXR_WRITE_FILE_DIRECTLY, &init);
-    if (r != EXR_ERR_SUCCESS)
-        w->exr = NULL;
-    else
-        r = write_header(w, compression);
+    if (r != EXR_ERR_SUCCESS) w->exr = NULL;
+    else r = write_header(w, compression);
     if (r != EXR_ERR_SUCCESS) {
         const ilf_status bad = failed(w, r, err);
         ilf_writer_abort(w);
@@ -191,12 +201,14 @@ static ilf_status take_texels(ilf_writer *w, const float *rgb, int i, int j, ilf
     for (size_t k = 0; k < n; k++) {
         const size_t x = k / 3 % (size_t)w->spec.n_theta, y = k / 3 / (size_t)w->spec.n_theta;
         if (!isfinite(rgb[k]))
-            return ilf_fail(err, ILF_ERR_VALUE, "%s: probe (%d,%d), pixel (%zu,%zu): expected a finite value, found %g",
-                            w->path, i, j, x, y, (double)rgb[k]);
+            return ilf_fail(err, ILF_ERR_VALUE,
+                            "%s: probe (%d,%d), pixel (%zu,%zu): expected a finite value, found %g", w->path,
+                            i, j, x, y, (double)rgb[k]);
         if (w->half) {
             if (fabsf(rgb[k]) > 65504.f)
                 return ilf_fail(err, ILF_ERR_VALUE,
-                                "%s: probe (%d,%d), pixel (%zu,%zu): expected a value that a half holds (65504), found %g",
+                                "%s: probe (%d,%d), pixel (%zu,%zu): expected a value that a half holds "
+                                "(65504), found %g",
                                 w->path, i, j, x, y, (double)rgb[k]);
             w->half[k] = to_half(rgb[k]);
         }
@@ -213,7 +225,8 @@ ilf_status ilf_writer_probe(ilf_writer *w, const float *rgb, ilf_error *err)
     exr_chunk_info_t chunk;
 
     if (j >= w->spec.n_v)
-        return ilf_fail(err, ILF_ERR_ARG, "%s: expected %dx%d probes, found more", w->path, w->spec.n_u, w->spec.n_v);
+        return ilf_fail(err, ILF_ERR_ARG, "%s: expected %dx%d probes, found more", w->path, w->spec.n_u,
+                        w->spec.n_v);
     const ilf_status st = take_texels(w, rgb, i, j, err);
     if (st != ILF_OK) return st;
     const unsigned char *from = w->half ? (const unsigned char *)w->half : (const unsigned char *)rgb;
@@ -250,8 +263,8 @@ static void together(unsigned char *to, const unsigned char *from, size_t n_thet
             for (size_t x = 0; x < n_theta; x++) memcpy(to + (3 * x + c) * size, from + x * size, size);
 }
 
-/* The first part's tiles lie in the file as they came, one after the other to its end: a part's tiles must all
- * be written before the next part's, so they are read from there again. */
+/* The first part's tiles lie in the file as they came, one after the other to its end: a part's tiles must
+ * all be written before the next part's, so they are read from there again. */
 static ilf_status copy_tiles(ilf_writer *w, int fd, unsigned char *tile, unsigned char *out, ilf_error *err)
 {
     const size_t n_theta = (size_t)w->spec.n_theta, n_phi = (size_t)w->spec.n_phi, size = w->half ? 2 : 4;
@@ -263,9 +276,13 @@ static ilf_status copy_tiles(ilf_writer *w, int fd, unsigned char *tile, unsigne
     const uint64_t end = (uint64_t)st.st_size, all = (uint64_t)n * (head + bytes);
     for (int64_t k = 0; k < n; k++) {
         const uint32_t i = (uint32_t)(k % w->spec.n_u), j = (uint32_t)(k / w->spec.n_u);
-        if (end < all || exr_bytes_at(fd, tile, head + bytes, end - all + (uint64_t)k * (head + bytes)) != 0 || exr_u32(tile) != 0 ||
-            exr_u32(tile + 4) != i || exr_u32(tile + 8) != j || exr_u32(tile + 20) != bytes)
-            return ilf_fail(err, ILF_ERR_IO, "%s: probe (%u,%u): expected to read what was written, found something else", w->path, i, j);
+        if (end < all ||
+            exr_bytes_at(fd, tile, head + bytes, end - all + (uint64_t)k * (head + bytes)) != 0 ||
+            exr_u32(tile) != 0 || exr_u32(tile + 4) != i || exr_u32(tile + 8) != j ||
+            exr_u32(tile + 20) != bytes)
+            return ilf_fail(err, ILF_ERR_IO,
+                            "%s: probe (%u,%u): expected to read what was written, found something else",
+                            w->path, i, j);
         together(out, tile + head, n_theta, n_phi, size);
         const exr_result_t r = exr_write_tile_chunk(w->exr, 1, (int)i, (int)j, 0, 0, out, bytes);
         if (r != EXR_ERR_SUCCESS) return failed(w, r, err);
@@ -280,10 +297,10 @@ static ilf_status write_interleaved(ilf_writer *w, ilf_error *err)
     const int fd = tile && out ? open(w->file, O_RDONLY | O_CLOEXEC) : -1;
     ilf_status st;
 
-    if (!tile || !out)
-        st = ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a probe", w->path);
+    if (!tile || !out) st = ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a probe", w->path);
     else
-        st = fd >= 0 ? copy_tiles(w, fd, tile, out, err) : ilf_fail(err, ILF_ERR_IO, "%s: %s", w->path, strerror(errno));
+        st = fd >= 0 ? copy_tiles(w, fd, tile, out, err)
+                     : ilf_fail(err, ILF_ERR_IO, "%s: %s", w->path, strerror(errno));
     if (fd >= 0) close(fd);
     free(tile);
     free(out);

@@ -134,16 +134,18 @@ static void add_probe(double sum[3], const ilf *f, const cell *cl, int k, const 
     const double top = cl->w[k] * at->top, rest = cl->w[k] - top;
 
     add_row(sum, f, row, at, top);
-    if (at->below == NEXT_ROW)
-        add_row(sum, f, row + f->row_bytes, at, rest);
+    if (at->below == NEXT_ROW) add_row(sum, f, row + f->row_bytes, at, rest);
     else if (at->below != NOTHING)
-        for (int c = 0; c < 3; c++) sum[c] += rest * (double)f->probes[cl->m[k]].pole[at->below == POLE_BELOW][c];
+        for (int c = 0; c < 3; c++)
+            sum[c] += rest * (double)f->probes[cl->m[k]].pole[at->below == POLE_BELOW][c];
 }
 
-/* Direction from probe k to the hit, its largest coordinate brought to 1; the ray's own where the two coincide. */
+/* Direction from probe k to the hit, its largest coordinate brought to 1; the ray's own where the two
+ * coincide. */
 static vec towards_hit(const ilf *f, const cell *cl, int k)
 {
-    const double qu = cl->len_u * (cl->i + (k & 1)) / f->span_u, qv = cl->len_v * (cl->j + (k >> 1)) / f->span_v;
+    const double qu = cl->len_u * (cl->i + (k & 1)) / f->span_u,
+                 qv = cl->len_v * (cl->j + (k >> 1)) / f->span_v;
     const vec to = {cl->h.u - qu - qv * cl->cos_uv, cl->h.v - qv - qu * cl->cos_uv, cl->h.n};
     const double size = largest(to);
 
@@ -151,8 +153,8 @@ static vec towards_hit(const ilf *f, const cell *cl, int k)
     return cl->d;
 }
 
-ilf_status ilf_eval_plain(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3], const double dir[3],
-                          const double *hit, ilf_mode mode, ilf_error *err)
+ilf_status ilf_eval_plain(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3],
+                          const double dir[3], const double *hit, ilf_mode mode, ilf_error *err)
 {
     const double *from = hit ? hit : origin;
 
@@ -160,7 +162,8 @@ ilf_status ilf_eval_plain(float rgb[3], const ilf *f, const ilf_frame *fr, const
         if (!isfinite(from[c]) || !isfinite(dir[c]))
             return ilf_fail(err, ILF_ERR_ARG, "ray: expected finite coordinates");
     vec d;
-    if (!normal_direction(&d, fr, dir)) return ilf_fail(err, ILF_ERR_ARG, "ray: expected a direction that is not zero");
+    if (!normal_direction(&d, fr, dir))
+        return ilf_fail(err, ILF_ERR_ARG, "ray: expected a direction that is not zero");
 
     if (d.n <= 0) { /* no light from below the plane */
         rgb[0] = rgb[1] = rgb[2] = 0;
@@ -185,7 +188,13 @@ ilf_status ilf_eval_plain(float rgb[3], const ilf *f, const ilf_frame *fr, const
     const double w[4] = {(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b};
     const int corrected = hit && mode == ILF_DEPTH;
     double sum[3] = {0, 0, 0};
-    cell cl = {.d = d, .h = h, .i = n_u == 1 ? 1 : i0, .j = n_v == 1 ? 1 : j0, .len_u = len_u, .len_v = len_v, .cos_uv = fr->cos_uv};
+    cell cl = {.d = d,
+               .h = h,
+               .i = n_u == 1 ? 1 : i0,
+               .j = n_v == 1 ? 1 : j0,
+               .len_u = len_u,
+               .len_v = len_v,
+               .cos_uv = fr->cos_uv};
     place at = {0};
 
     if (!corrected) at = find_place(f, d);
@@ -203,8 +212,8 @@ ilf_status ilf_eval_plain(float rgb[3], const ilf *f, const ilf_frame *fr, const
     return ILF_OK;
 }
 
-ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3], const double dir[3],
-                    const double *hit, ilf_mode mode, ilf_error *err)
+ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3],
+                    const double dir[3], const double *hit, ilf_mode mode, ilf_error *err)
 {
     const int corrected = hit && mode == ILF_DEPTH;
 

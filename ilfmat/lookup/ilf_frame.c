@@ -68,7 +68,8 @@ ilf_status ilf_frame_init(ilf_frame *frame, const double origin[3], const double
     if (f.len_v <= 0) return ilf_fail(err, ILF_ERR_ARG, "V: expected a finite vector that is not zero");
     const double uv = dot(f.u, f.v);
     if (fabs(uv) > 1e-4)
-        return ilf_fail(err, ILF_ERR_ARG, "U, V: expected perpendicular vectors, found U.V = %.3g |U||V|", uv);
+        return ilf_fail(err, ILF_ERR_ARG, "U, V: expected perpendicular vectors, found U.V = %.3g |U||V|",
+                        uv);
 
     f.cos_uv = uv;
 
@@ -82,7 +83,8 @@ ilf_status ilf_frame_init(ilf_frame *frame, const double origin[3], const double
             return ilf_fail(err, ILF_ERR_ARG, "normal: expected a finite vector that is not zero");
         cross(x, m, f.n);
         if (length(x) > 1e-3)
-            return ilf_fail(err, ILF_ERR_ARG, "normal: expected +-(U x V), found a vector %.3g degrees off it",
+            return ilf_fail(err, ILF_ERR_ARG,
+                            "normal: expected +-(U x V), found a vector %.3g degrees off it",
                             asin(fmin(1, length(x))) * (180 / ILF_PI));
         if (dot(m, f.n) < 0)
             for (int c = 0; c < 3; c++) f.n[c] = -f.n[c];
@@ -100,11 +102,11 @@ int ilf_is_full_sphere(double polar_max)
 ilf_status ilf_check_polar(double polar_max, double polar_valid, const char *path, ilf_error *err)
 {
     if (!(polar_max > 0 && (polar_max < ILF_PI || ilf_is_full_sphere(polar_max))))
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: ilf:polarMax: expected an angle in (0, pi] radians, found %g", path,
-                        polar_max);
+        return ilf_fail(err, ILF_ERR_FORMAT,
+                        "%s: ilf:polarMax: expected an angle in (0, pi] radians, found %g", path, polar_max);
     if (!(polar_valid > 0 && isfinite(polar_valid)))
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: ilf:polarValid: expected an angle above 0 radians, found %g", path,
-                        polar_valid);
+        return ilf_fail(err, ILF_ERR_FORMAT,
+                        "%s: ilf:polarValid: expected an angle above 0 radians, found %g", path, polar_valid);
     return ILF_OK;
 }
 

@@ -1,5 +1,6 @@
 /*
- * field_guard.h - for programs: when the file of a light field in use is cut short, end with words and exit status 1.
+ * field_guard.h - for programs: when the file of a light field in use is cut short, end with words and exit
+ * status 1.
  *
  * Texels that are used in place lie in the mapped file; where that ends before the map does, the system sends
  * SIGBUS.  What happens then must be safe in a signal handler: one write, and _exit.
@@ -11,8 +12,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "ilf.h"
 #include "base/outfile.h"
+#include "ilf.h"
 
 static struct field_guard {
     const ilf *field;

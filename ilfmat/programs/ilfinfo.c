@@ -19,14 +19,16 @@ static const char *montage;
 
 static const cli_opt options[] = {
     {"header", 0, CLI_FLAG, &header_only, NULL, NULL, "print the header only; no probe is read"},
-    {"montage", 0, CLI_STRING, &montage, NULL, "FILE.png", "write the mosaic of all probes, probe (0,0) top left"},
+    {"montage", 0, CLI_STRING, &montage, NULL, "FILE.png",
+     "write the mosaic of all probes, probe (0,0) top left"},
     {"size", 0, CLI_INT, &montage_size, NULL, "PIXELS", "longest side of the mosaic (default 1600)"},
     {"exposure", 0, CLI_DOUBLE, &exposure_stops, NULL, "STOPS",
      "brighten the mosaic (default 0: 98 % of its pixels are below white)"},
     {0}};
 
-static const cli_prog prog = {"ilfinfo", "FILE", "Describe an incident light field.", options,
-                              "Radiance is in W/sr/m^2; luminance is 179 (0.265 R + 0.670 G + 0.065 B) cd/m^2.\n"};
+static const cli_prog prog = {
+    "ilfinfo", "FILE", "Describe an incident light field.", options,
+    "Radiance is in W/sr/m^2; luminance is 179 (0.265 R + 0.670 G + 0.065 B) cd/m^2.\n"};
 
 /* Radiance's luminance of a colour, without the 179 lm/W. */
 static double bright(const float *c)
@@ -82,7 +84,9 @@ static void paste(img *im, const float *rgb, const ilf_info *in, int i, int j, i
             if (y1 <= y0) y1 = y0 + 1;
             for (int ty = y0; ty < y1; ty++)
                 for (int tx = x0; tx < x1; tx++)
-                    for (int c = 0; c < 3; c++) sum[c] += (double)rgb[((size_t)ty * (size_t)in->n_theta + (size_t)tx) * 3 + (size_t)c];
+                    for (int c = 0; c < 3; c++)
+                        sum[c] +=
+                            (double)rgb[((size_t)ty * (size_t)in->n_theta + (size_t)tx) * 3 + (size_t)c];
             float *to = im->pix + ((size_t)(j * h + y) * (size_t)im->info.width + (size_t)(i * w + x)) * 3;
             for (int c = 0; c < 3; c++) to[c] = (float)(sum[c] / ((double)(x1 - x0) * (y1 - y0)));
         }
@@ -133,7 +137,8 @@ static void print_header(const char *path, const ilf *field)
     printf("grid          %d x %d probes (u x v)\n", in->n_u, in->n_v);
     printf("probe         %d x %d texels (theta x phi), %s, compression %s\n", in->n_theta, in->n_phi,
            in->type == ILF_HALF ? "half" : "float", in->compression);
-    printf("origin        %.9g %.9g %.9g\n", (double)in->origin[0], (double)in->origin[1], (double)in->origin[2]);
+    printf("origin        %.9g %.9g %.9g\n", (double)in->origin[0], (double)in->origin[1],
+           (double)in->origin[2]);
     printf("U             %.9g %.9g %.9g\n", (double)in->U[0], (double)in->U[1], (double)in->U[2]);
     printf("V             %.9g %.9g %.9g\n", (double)in->V[0], (double)in->V[1], (double)in->V[2]);
     printf("normal        %.9g %.9g %.9g\n", f->n[0], f->n[1], f->n[2]);
@@ -141,7 +146,9 @@ static void print_header(const char *path, const ilf *field)
            in->n_v > 1 ? f->len_v / (in->n_v - 1) : f->len_v);
     printf("polar max     %.6g degrees\n", in->polar_max * 180 / PI);
     printf("polar valid   %.6g degrees\n", in->polar_valid * 180 / PI);
-    printf("interleaved   %s\n", in->interleaved ? "yes, as a second part" : strcmp(in->compression, "none") ? "when decoded" : "no");
+    printf("interleaved   %s\n", in->interleaved                   ? "yes, as a second part"
+                                 : strcmp(in->compression, "none") ? "when decoded"
+                                                                   : "no");
     printf("file size     %.1f MB\n", (double)in->file_bytes * 1e-6);
 }
 
@@ -154,14 +161,15 @@ static void print_values(const range *r, const ilf *field)
     ilf_usage use;
 
     for (int c = 0; c < 3; c++)
-        printf("radiance %c    min %.6g, max %.6g, mean over solid angle %.6g\n", names[c], r->min[c], r->max[c],
-               r->sum[c] / omega);
+        printf("radiance %c    min %.6g, max %.6g, mean over solid angle %.6g\n", names[c], r->min[c],
+               r->max[c], r->sum[c] / omega);
     printf("brightest     probe (%d,%d), theta %.4g, phi %.4g degrees: %.6g cd/m^2\n", r->peak_i, r->peak_j,
-           (r->peak_x + 0.5) * 360 / in->n_theta - 180, (r->peak_y + 0.5) * in->polar_max * 180 / PI / in->n_phi,
-           179 * r->peak);
+           (r->peak_x + 0.5) * 360 / in->n_theta - 180,
+           (r->peak_y + 0.5) * in->polar_max * 180 / PI / in->n_phi, 179 * r->peak);
     if (r->negative)
-        printf("negative      %lld of %lld values (%.2g %%), down to %.6g\n", (long long)r->negative, (long long)all,
-               100 * (double)r->negative / (double)all, fmin(fmin(r->min[0], r->min[1]), r->min[2]));
+        printf("negative      %lld of %lld values (%.2g %%), down to %.6g\n", (long long)r->negative,
+               (long long)all, 100 * (double)r->negative / (double)all,
+               fmin(fmin(r->min[0], r->min[1]), r->min[2]));
     ilf_get_usage(&use, field);
     printf("read          %lld of %lld probes, %.1f MB in place, %.1f MB decoded\n", (long long)use.probes,
            (long long)in->n_u * in->n_v, (double)use.mapped_bytes * 1e-6, (double)use.decoded_bytes * 1e-6);
@@ -170,7 +178,15 @@ static void print_values(const range *r, const ilf *field)
 int main(int argc, char **argv)
 {
     const int n = cli_parse(&prog, argc, argv);
-    range r = {{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}, {0, 0, 0}, -HUGE_VAL, 0, 0, 0, 0, 0};
+    range r = {{HUGE_VAL, HUGE_VAL, HUGE_VAL},
+               {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL},
+               {0, 0, 0},
+               -HUGE_VAL,
+               0,
+               0,
+               0,
+               0,
+               0};
     ilf_error err;
     errmsg words;
     img im = {0};
@@ -178,7 +194,8 @@ int main(int argc, char **argv)
     ilf *field;
 
     if (n != 1) cli_fail(CLI_USAGE, "expected one light field, found %d", n);
-    if (montage_size < 1 || montage_size > 16384) cli_fail(CLI_USAGE, "--size: expected 1 to 16384 pixels, found %d", montage_size);
+    if (montage_size < 1 || montage_size > 16384)
+        cli_fail(CLI_USAGE, "--size: expected 1 to 16384 pixels, found %d", montage_size);
     if (montage && header_only) cli_fail(CLI_USAGE, "--header reads no probe, --montage needs them all");
     if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     field_guard_begin(field, prog.name);
@@ -194,7 +211,8 @@ int main(int argc, char **argv)
         const double scale = fmin(1, montage_size / (double)(full_w > full_h ? full_w : full_h));
 
         w = cell(in->n_theta, in->n_u, scale), h = cell(in->n_phi, in->n_v, scale);
-        if (img_alloc(&im, w * in->n_u, h * in->n_v, 3, &words) != 0) cli_fail(CLI_FAILED, "%s: %s", montage, words.text);
+        if (img_alloc(&im, w * in->n_u, h * in->n_v, 3, &words) != 0)
+            cli_fail(CLI_FAILED, "%s: %s", montage, words.text);
     }
     float *rgb = malloc((size_t)in->n_theta * (size_t)in->n_phi * 3 * sizeof *rgb);
     if (!rgb) cli_fail(CLI_FAILED, "%s: no memory for a probe", argv[1]);

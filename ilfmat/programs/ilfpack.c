@@ -7,10 +7,10 @@
 #include <string.h>
 
 #include "base/cli.h"
-#include "image/holes.h"
-#include "ilf.h"
-#include "image/image.h"
 #include "base/outfile.h"
+#include "ilf.h"
+#include "image/holes.h"
+#include "image/image.h"
 
 #define PI 3.14159265358979323846
 
@@ -383,12 +383,14 @@ int main(int argc, char **argv)
     if (ilf_writer_close(w, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     if (out_commit(out, &words) != 0) cli_fail(CLI_FAILED, "%s", words.text);
     if (facts.panorama_like)
-        cli_note("%s: its header does not say what it is: taken for a probe, the normal along its upper edge, %.4g degrees from "
-                 "it at the lower one (a panorama would come out mirrored: fishremap --from latlong makes a probe of it)",
+        cli_note("%s: its header does not say what it is: taken for a probe, the normal along its upper "
+                 "edge, %.4g degrees from "
+                 "it at the lower one (a panorama would come out mirrored: fishremap --from latlong makes a "
+                 "probe of it)",
                  argv[1], spec.polar_max * 180 / PI);
     if (below_zero.n)
-        cli_note("%s: %lld of %lld values are below 0, down to %.3g: kept, and looked up as they are", target, (long long)below_zero.n,
-                 (long long)below_zero.all, below_zero.least);
+        cli_note("%s: %lld of %lld values are below 0, down to %.3g: kept, and looked up as they are", target,
+                 (long long)below_zero.n, (long long)below_zero.all, below_zero.least);
     free(line);
     return cli_end(CLI_OK);
 }

@@ -19,7 +19,8 @@ static int no_depth, report;
 static const char *plane;
 
 static const cli_opt options[] = {
-    {"nodepth", 0, CLI_FLAG, &no_depth, NULL, NULL, "look all probes up in the ray's direction (no depth correction)"},
+    {"nodepth", 0, CLI_FLAG, &no_depth, NULL, NULL,
+     "look all probes up in the ray's direction (no depth correction)"},
     {"plane", 0, CLI_STRING, &plane, NULL, "\"O U V [N]\"",
      "plane to use instead of the file's: 9 or 12 numbers, as the material's"},
     {"report", 0, CLI_FLAG, &report, NULL, NULL, "say on stderr at the end how many probes were used"},
@@ -53,12 +54,9 @@ static void set_frame(ilf_frame *frame, const ilf *field)
 
     *frame = *ilf_get_frame(field);
     if (!plane) return;
-    if (cli_parse_doubles(v, 12, plane, " ", &words) == 0)
-        n = 12;
-    else if (cli_parse_doubles(v, 9, plane, " ", &words) == 0)
-        n = 9;
-    else
-        cli_fail(CLI_USAGE, "--plane: expected 9 or 12 numbers, found \"%s\"", plane);
+    if (cli_parse_doubles(v, 12, plane, " ", &words) == 0) n = 12;
+    else if (cli_parse_doubles(v, 9, plane, " ", &words) == 0) n = 9;
+    else cli_fail(CLI_USAGE, "--plane: expected 9 or 12 numbers, found \"%s\"", plane);
     if (ilf_frame_init(frame, v, v + 3, v + 6, n == 12 ? v + 9 : NULL, &err) != ILF_OK)
         cli_fail(CLI_USAGE, "--plane: %s", err.text);
 }
@@ -88,16 +86,21 @@ int main(int argc, char **argv)
         if (bad) {
             fflush(stdout);
             cli_fail(CLI_FAILED, "standard input, line %ld: expected 9 numbers, found %s", number,
-                     bad < 0 ? "more" : bad == 10 ? "none" : "fewer");
+                     bad < 0     ? "more"
+                     : bad == 10 ? "none"
+                                 : "fewer");
         }
         for (int k = 0; k < 6; k++)
             if (!isfinite(ray[k]))
-                cli_fail(CLI_FAILED, "standard input, line %ld: expected finite numbers, found %g", number, ray[k]);
+                cli_fail(CLI_FAILED, "standard input, line %ld: expected finite numbers, found %g", number,
+                         ray[k]);
         const int at_infinity = isinf(ray[6]) && isinf(ray[7]) && isinf(ray[8]);
-        if (ilf_check_unchanged(field, &err) != ILF_OK || ilf_eval(rgb, field, &frame, ray, ray + 3, at_infinity ? NULL : ray + 6,
-                                                                   no_depth ? ILF_NO_DEPTH : ILF_DEPTH, &err) != ILF_OK) {
+        if (ilf_check_unchanged(field, &err) != ILF_OK ||
+            ilf_eval(rgb, field, &frame, ray, ray + 3, at_infinity ? NULL : ray + 6,
+                     no_depth ? ILF_NO_DEPTH : ILF_DEPTH, &err) != ILF_OK) {
             fflush(stdout);
-            if (err.status == ILF_ERR_ARG) cli_fail(CLI_FAILED, "standard input, line %ld: %s", number, err.text);
+            if (err.status == ILF_ERR_ARG)
+                cli_fail(CLI_FAILED, "standard input, line %ld: %s", number, err.text);
             cli_fail(CLI_FAILED, "%s", err.text);
         }
         if (printf("%.9g %.9g %.9g\n", (double)rgb[0], (double)rgb[1], (double)rgb[2]) < 0) break;
@@ -108,9 +111,9 @@ int main(int argc, char **argv)
     if (report) {
         ilf_usage use;
         ilf_get_usage(&use, field);
-        cli_warn("%s: %lld of %lld probes used, %.1f MB in place, %.1f MB decoded", argv[1], (long long)use.probes,
-                 (long long)ilf_get_info(field)->n_u * ilf_get_info(field)->n_v, (double)use.mapped_bytes * 1e-6,
-                 (double)use.decoded_bytes * 1e-6);
+        cli_warn("%s: %lld of %lld probes used, %.1f MB in place, %.1f MB decoded", argv[1],
+                 (long long)use.probes, (long long)ilf_get_info(field)->n_u * ilf_get_info(field)->n_v,
+                 (double)use.mapped_bytes * 1e-6, (double)use.decoded_bytes * 1e-6);
     }
     ilf_close(field);
     return cli_end(CLI_OK);

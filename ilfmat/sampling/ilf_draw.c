@@ -22,7 +22,8 @@ static int cell_of(const double d[3])
     return cell_number(clamp_cell((a + 1) * (SLICE_SIDE / 2)), clamp_cell((b + 1) * (SLICE_SIDE / 2)));
 }
 
-/* Last k with cdf[k] <= u.  Draws come in the map's order mostly: the steps from the last one are doubled, then halved. */
+/* Last k with cdf[k] <= u.  Draws come in the map's order mostly: the steps from the last one are doubled,
+ * then halved. */
 static int search_cdf(ilf_slice *sl, double u)
 {
     int lo = (double)sl->cdf[sl->last] <= u ? sl->last : 0, step = 1;
@@ -34,10 +35,8 @@ static int search_cdf(ilf_slice *sl, double u)
     int hi = lo + step < sl->cells ? lo + step : sl->cells;
     while (hi - lo > 1) {
         const int mid = (lo + hi) / 2;
-        if ((double)sl->cdf[mid] <= u)
-            lo = mid;
-        else
-            hi = mid;
+        if ((double)sl->cdf[mid] <= u) lo = mid;
+        else hi = mid;
     }
     return sl->last = lo;
 }
@@ -49,10 +48,8 @@ static int search_cell(const ilf_slice *sl, int number)
 
     while (lo < hi) {
         const int mid = (lo + hi) / 2;
-        if (sl->cell[mid] < number)
-            lo = mid + 1;
-        else
-            hi = mid;
+        if (sl->cell[mid] < number) lo = mid + 1;
+        else hi = mid;
     }
     return lo < sl->cells && sl->cell[lo] == number ? lo : -1;
 }

@@ -19,10 +19,14 @@ static inline void ilf_square_to_hemi(double d[3], double a, double b)
 {
     /* within an octant the angle stays below pi/4, where a few terms of the series do (1e-12) */
     const int across = fabs(a) <= fabs(b);
-    const double r = across ? b : a, t = r == 0 ? 0 : (across ? a : b) / r, x = 0.78539816339744831 * t, z = x * x;
-    const double sine = x * (1 + z * (-1. / 6 + z * (1. / 120 + z * (-1. / 5040 + z * (1. / 362880 - z * (1. / 39916800))))));
+    const double r = across ? b : a, t = r == 0 ? 0 : (across ? a : b) / r, x = 0.78539816339744831 * t,
+                 z = x * x;
+    const double sine =
+        x * (1 + z * (-1. / 6 + z * (1. / 120 + z * (-1. / 5040 + z * (1. / 362880 - z * (1. / 39916800))))));
     const double cosine =
-        1 + z * (-1. / 2 + z * (1. / 24 + z * (-1. / 720 + z * (1. / 40320 + z * (-1. / 3628800 + z * (1. / 479001600))))));
+        1 +
+        z * (-1. / 2 +
+             z * (1. / 24 + z * (-1. / 720 + z * (1. / 40320 + z * (-1. / 3628800 + z * (1. / 479001600))))));
     const double s = r * sqrt(2 - r * r);
 
     d[0] = s * (across ? sine : cosine);

@@ -7,11 +7,11 @@
 
 /* A lamp being gathered: patches within a few degrees of its first one, as seen from x. */
 typedef struct cluster {
-    float dir[3];       /* towards the first patch */
-    double sum[3], n;   /* mean position */
-    double away, ball;  /* sum of distances from it; smallest patch's ball */
+    float dir[3];      /* towards the first patch */
+    double sum[3], n;  /* mean position */
+    double away, ball; /* sum of distances from it; smallest patch's ball */
     double excess;
-    int whole;          /* made of whole patches */
+    int whole; /* made of whole patches */
 } cluster;
 
 enum { MAX_CLUSTERS = 64 };
@@ -24,8 +24,8 @@ static int by_excess(const void *a, const void *b)
     return (x < y) - (x > y);
 }
 
-/* Gather the patches that the ball sees into c: whole ones first, parts (half of which are not the lamp) only where there are no
- * others; then again, so that distances are from the means. */
+/* Gather the patches that the ball sees into c: whole ones first, parts (half of which are not the lamp) only
+ * where there are no others; then again, so that distances are from the means. */
 static int gather_lamps(cluster *c, const ilf_sampler *s, const float x[3], float r)
 {
     int n = 0;
@@ -39,7 +39,9 @@ static int gather_lamps(cluster *c, const ilf_sampler *s, const float x[3], floa
 
             if (round < 2 && p->whole != (round == 0)) continue;
             if (ilf_patch_weight(s, p, x, r) <= 0 || len <= 0) continue;
-            while (m < n && (d[0] * c[m].dir[0] + d[1] * c[m].dir[1] + d[2] * c[m].dir[2]) < CLUSTER_COS * len) m++;
+            while (m < n &&
+                   (d[0] * c[m].dir[0] + d[1] * c[m].dir[1] + d[2] * c[m].dir[2]) < CLUSTER_COS * len)
+                m++;
             if (m < n && p->whole != c[m].whole) continue;
             if (round < 2) {
                 if (m == MAX_CLUSTERS) continue;
@@ -62,8 +64,8 @@ static int gather_lamps(cluster *c, const ilf_sampler *s, const float x[3], floa
     return n;
 }
 
-ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *s, const double centre[3], double radius,
-                             ilf_error *err)
+ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *s, const double centre[3],
+                             double radius, ilf_error *err)
 {
     const ilf_frame *fr = &s->frame;
     cluster *c = malloc(MAX_CLUSTERS * sizeof *c);
@@ -80,8 +82,11 @@ ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *s, 
     *n = found < most ? found : most;
     for (int k = 0; k < *n; k++) {
         for (int a = 0; a < 3; a++)
-            lamps[k].position[a] = fr->origin[a] + (c[k].sum[0] * fr->u[a] + c[k].sum[1] * fr->v[a] + c[k].sum[2] * fr->n[a]) / c[k].n;
-        lamps[k].radius = 1.5 * (c[k].away / c[k].n + c[k].ball); /* of a disc, the mean distance is 2/3 of the radius */
+            lamps[k].position[a] =
+                fr->origin[a] +
+                (c[k].sum[0] * fr->u[a] + c[k].sum[1] * fr->v[a] + c[k].sum[2] * fr->n[a]) / c[k].n;
+        lamps[k].radius =
+            1.5 * (c[k].away / c[k].n + c[k].ball); /* of a disc, the mean distance is 2/3 of the radius */
         lamps[k].excess = c[k].excess * s->unit;
     }
     free(c);

@@ -15,7 +15,7 @@
 #include "ilf_sampler.h"
 
 /* Angular size of a patch that is aimed at, and how many patches are too many. */
-#define PATCH_SIZE (1.0 * ILF_PI / 180)
+#define PATCH_SIZE  (1.0 * ILF_PI / 180)
 #define MAX_PATCHES 36000
 #define LARGE_PATCH (10 * ILF_PI / 180)
 
@@ -50,7 +50,8 @@ static float row_bound(const ilf *f, const unsigned char *row)
 static double texel_luminance(const ilf *f, const unsigned char *row, int x)
 {
     const size_t at = (size_t)x * f->pixel_bytes;
-    const float rgb[3] = {ilf_texel(f, row + f->chan_offset[0] + at), ilf_texel(f, row + f->chan_offset[1] + at),
+    const float rgb[3] = {ilf_texel(f, row + f->chan_offset[0] + at),
+                          ilf_texel(f, row + f->chan_offset[1] + at),
                           ilf_texel(f, row + f->chan_offset[2] + at)};
 
     return ilf_luminance(rgb);
@@ -65,8 +66,9 @@ static int valid_rows(const ilf *f)
     return rows < 1 ? 1 : rows > f->info.n_phi ? f->info.n_phi : rows;
 }
 
-/* Mean over the hemisphere of what a few probes spread over the grid (a threshold needs no more) have of luminance above 0:
- * texels below it, where a background was subtracted too far, say nothing of where the bright ones begin. */
+/* Mean over the hemisphere of what a few probes spread over the grid (a threshold needs no more) have of
+ * luminance above 0: texels below it, where a background was subtracted too far, say nothing of where the
+ * bright ones begin. */
 static ilf_status mean_luminance(double *mean, const ilf *f, ilf_error *err)
 {
     const int most = 6, rows = valid_rows(f), n_u = f->info.n_u, n_v = f->info.n_v;
@@ -75,7 +77,8 @@ static ilf_status mean_luminance(double *mean, const ilf *f, ilf_error *err)
 
     for (int b = 0; b < k_v; b++)
         for (int a = 0; a < k_u; a++) {
-            const int i = k_u > 1 ? a * (n_u - 1) / (k_u - 1) : 0, j = k_v > 1 ? b * (n_v - 1) / (k_v - 1) : 0;
+            const int i = k_u > 1 ? a * (n_u - 1) / (k_u - 1) : 0,
+                      j = k_v > 1 ? b * (n_v - 1) / (k_v - 1) : 0;
             const unsigned char *pix;
             void *own;
             const ilf_status st = ilf_peek_probe(f, (int64_t)j * n_u + i, &pix, &own, err);
@@ -85,7 +88,8 @@ static ilf_status mean_luminance(double *mean, const ilf *f, ilf_error *err)
                 const double step = f->info.polar_max / f->info.n_phi;
                 const double w = cos(y * step) - cos((y + 1) * step);
                 double row = 0;
-                for (int x = 0; x < f->info.n_theta; x++) row += fmax(texel_luminance(f, pix + (size_t)y * f->row_bytes, x), 0);
+                for (int x = 0; x < f->info.n_theta; x++)
+                    row += fmax(texel_luminance(f, pix + (size_t)y * f->row_bytes, x), 0);
                 sum += w * row / f->info.n_theta;
                 omega += w;
             }
@@ -111,21 +115,24 @@ static void to_world(double w[3], const ilf_frame *fr, const double d[3])
 
 static double distance3(const double a[3], const double b[3])
 {
-    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]));
+    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) +
+                (a[2] - b[2]) * (a[2] - b[2]));
 }
 
-/* One look from a probe: in direction (theta, phi) light comes from p, at distance t.  part < 0: from nowhere. */
+/* One look from a probe: in direction (theta, phi) light comes from p, at distance t.  part < 0: from
+ * nowhere. */
 typedef struct look {
     double theta, phi, p[3], t;
     int part;
 } look;
 
-/* Steps of the distance, as factors: from one part of a patch to another, and from a thing to the next behind it. */
-#define JUMP 1.1
+/* Steps of the distance, as factors: from one part of a patch to another, and from a thing to the next behind
+ * it. */
+#define JUMP   1.1
 #define BEHIND 1.03
 
-/* Where light from direction (theta, phi) reaches probe position q (plane's coordinates) from; or, with beyond > 0, what stands behind
- * what is at that distance. */
+/* Where light from direction (theta, phi) reaches probe position q (plane's coordinates) from; or, with
+ * beyond > 0, what stands behind what is at that distance. */
 static look look_along(const ilf_sampler *s, const double q[3], double theta, double phi, double beyond)
 {
     const ilf_frame *fr = &s->frame;
@@ -160,10 +167,14 @@ static look look_along(const ilf_sampler *s, const double q[3], double theta, do
 
 /* A patch at the edge of something lies half on what is behind: one ball around both would hold most of the
  * room.  So the looks of a patch are parted at jumps of their distance, and each part has a ball of its own.
- * A lookup asks for the direction from the probe to where the ray ends: what a probe sees on a lamp shows on the wall behind
- * it, too, from where the lamp does not hide the wall.  So there are such balls for each layer of things. */
+ * A lookup asks for the direction from the probe to where the ray ends: what a probe sees on a lamp shows on
+ * the wall behind it, too, from where the lamp does not hide the wall.  So there are such balls for each
+ * layer of things. */
 enum { LARGE_STEPS = 8, SMALL_STEPS = 2, MAX_PARTS = 4, HALVINGS = 3, MAX_LAYERS = 6 };
-enum { GRID = (LARGE_STEPS + 1) * (LARGE_STEPS + 1), MAX_LOOKS = GRID + 2 * HALVINGS * LARGE_STEPS * (LARGE_STEPS + 1) };
+enum {
+    GRID = (LARGE_STEPS + 1) * (LARGE_STEPS + 1),
+    MAX_LOOKS = GRID + 2 * HALVINGS * LARGE_STEPS * (LARGE_STEPS + 1)
+};
 
 static int by_distance(const void *a, const void *b)
 {
@@ -172,10 +183,12 @@ static int by_distance(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The ball around the looks of a part, about look `middle` or, if that is negative, about their middle; returns the least distance. */
+/* The ball around the looks of a part, about look `middle` or, if that is negative, about their middle;
+ * returns the least distance. */
 static double ball(double centre[3], double *radius, const look *l, int n, int part, int middle)
 {
-    double lo[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, hi[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}, least = HUGE_VAL;
+    double lo[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, hi[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL},
+           least = HUGE_VAL;
 
     for (int k = 0; k < n; k++) {
         if (l[k].part != part) continue;
@@ -189,7 +202,8 @@ static double ball(double centre[3], double *radius, const look *l, int n, int p
     return least;
 }
 
-/* Part the n looks of a grid, if a part's ball is larger than a wall across the view would make it.  Returns how many parts there are. */
+/* Part the n looks of a grid, if a part's ball is larger than a wall across the view would make it.  Returns
+ * how many parts there are. */
 static int find_parts(look *l, int n, double half)
 {
     int parts = 1;
@@ -263,10 +277,13 @@ static int make_patch(ilf_sampler *s, int i, int j, const int x[2], const int y[
     lo = at_pole ? 0 : fmax(lo, 0);
     /* a small patch by corners and middles of its sides; in a large one the geometry may be anything */
     const double across = 2 * side * sin(fmin(hi, ILF_PI / 2));
-    const int steps = at_pole || fmax(across, hi - lo) > LARGE_PATCH ? LARGE_STEPS : SMALL_STEPS, row = steps + 1;
-    const double half = 0.5 * hypot(at_pole ? 2 * hi : across, at_pole ? 0 : hi - lo), step = fmax(across, hi - lo) / steps;
+    const int steps = at_pole || fmax(across, hi - lo) > LARGE_PATCH ? LARGE_STEPS : SMALL_STEPS,
+              row = steps + 1;
+    const double half = 0.5 * hypot(at_pole ? 2 * hi : across, at_pole ? 0 : hi - lo),
+                 step = fmax(across, hi - lo) / steps;
     for (int k = 0; k < row * row; k++)
-        l[k] = look_along(s, q, middle + side * (2.0 * (k % row) / steps - 1), lo + (hi - lo) * (k / row) / steps, 0);
+        l[k] = look_along(s, q, middle + side * (2.0 * (k % row) / steps - 1),
+                          lo + (hi - lo) * (k / row) / steps, 0);
     for (int layer = 0, there = row * row; layer < MAX_LAYERS && there; layer++) {
         const int whole = there == row * row;
         const int parts = find_parts(l, row * row, half);
@@ -274,22 +291,33 @@ static int make_patch(ilf_sampler *s, int i, int j, const int x[2], const int y[
 
         if (layer == 0 && parts > 1)
             for (int k = 0; k < row * row; k++) {
-                if (k % row < steps && l[k].part != l[k + 1].part) n += find_edge(l + n, s, q, l[k], l[k + 1]);
-                if (k + row < row * row && l[k].part != l[k + row].part) n += find_edge(l + n, s, q, l[k], l[k + row]);
+                if (k % row < steps && l[k].part != l[k + 1].part)
+                    n += find_edge(l + n, s, q, l[k], l[k + 1]);
+                if (k + row < row * row && l[k].part != l[k + row].part)
+                    n += find_edge(l + n, s, q, l[k], l[k + row]);
             }
         for (int k = 0; k < parts; k++) {
             patch *p = add_patch(&s->patches);
             double centre[3], radius;
 
             if (!p) return -1;
-            const double least = ball(centre, &radius, l, n, k, parts > 1 || !whole ? -1 : at_pole ? 0 : row * row / 2);
-            /* the rim bulges a little between the looks, and an edge is known to a part of a step, or to a step */
+            const double least = ball(centre, &radius, l, n, k,
+                                      parts > 1 || !whole ? -1
+                                      : at_pole           ? 0
+                                                          : row * row / 2);
+            /* the rim bulges a little between the looks, and an edge is known to a part of a step, or to a
+             * step */
             radius *= 1.05;
-            if (layer > 0)
-                radius += least * step;
-            else if (parts > 1)
-                radius += least * step / (1 << HALVINGS);
-            *p = (patch){(float)centre[0], (float)centre[1], (float)centre[2], (float)radius, (float)excess, i, j, layer == 0 && parts == 1};
+            if (layer > 0) radius += least * step;
+            else if (parts > 1) radius += least * step / (1 << HALVINGS);
+            *p = (patch){(float)centre[0],
+                         (float)centre[1],
+                         (float)centre[2],
+                         (float)radius,
+                         (float)excess,
+                         i,
+                         j,
+                         layer == 0 && parts == 1};
         }
         there = 0;
         for (int k = 0; k < row * row; k++) {
@@ -311,7 +339,8 @@ static int band_excess(float *block, int bx, int y0, int y1, const ilf_sampler *
     for (int y = y0; y < y1; y++) {
         const unsigned char *row = pix + (size_t)y * f->row_bytes;
 
-        if ((double)row_bound(f, row) <= s->threshold) continue; /* luminance is at most the largest channel */
+        if ((double)row_bound(f, row) <= s->threshold)
+            continue; /* luminance is at most the largest channel */
         if (!any) memset(block, 0, (size_t)((f->info.n_theta + bx - 1) / bx) * sizeof *block);
         any = 1;
         for (int x = 0; x < f->info.n_theta; x++) {

@@ -23,11 +23,11 @@ enum { MARK_SIDE = SLICE_SIDE / 2, MARK_CELLS = MARK_SIDE * MARK_SIDE };
 /* A probe's bright patch: some texels whose luminance exceeds the threshold, as a ball in the plane's
  * coordinates (u, v, n; origin at probe (0,0)) around the place where their light comes from. */
 typedef struct patch {
-    float u, v, n;  /* centre */
-    float radius;   /* holds all of the patch, bilinear lookup's half texel included */
-    float excess;   /* largest luminance over the threshold, in units of the sampler's */
-    int i, j;       /* the probe */
-    int whole;      /* 0: a part of a patch that lies on two things, one behind the other */
+    float u, v, n; /* centre */
+    float radius;  /* holds all of the patch, bilinear lookup's half texel included */
+    float excess;  /* largest luminance over the threshold, in units of the sampler's */
+    int i, j;      /* the probe */
+    int whole;     /* 0: a part of a patch that lies on two things, one behind the other */
 } patch;
 
 typedef struct patch_list {
@@ -36,13 +36,13 @@ typedef struct patch_list {
 } patch_list;
 
 struct ilf_slice {
-    int64_t key[3];  /* cube of space */
+    int64_t key[3]; /* cube of space */
     ilf_past past;
-    double total;    /* sum of the cells' excess luminance */
-    int cells;       /* with light */
-    int last;        /* cell drawn last */
-    uint16_t *cell;  /* ascending Morton numbers */
-    float *cdf;      /* cells + 1 values from 0 to 1 */
+    double total;      /* sum of the cells' excess luminance */
+    int cells;         /* with light */
+    int last;          /* cell drawn last */
+    uint16_t *cell;    /* ascending Morton numbers */
+    float *cdf;        /* cells + 1 values from 0 to 1 */
     float *near, *far; /* distances of the light in each cell */
 };
 
@@ -56,7 +56,7 @@ struct ilf_sampler {
     ilf_slice **table; /* open addressing, table_size a power of two */
     size_t table_size, used;
     int64_t built;
-    float (*cell_dir)[3], (*mark_dir)[3];  /* centres of cells, by row and column */
+    float (*cell_dir)[3], (*mark_dir)[3]; /* centres of cells, by row and column */
     struct mark {
         float weight, probe_weight, near, far;
         int owner; /* probe that marked it last, + 1 */
@@ -68,8 +68,8 @@ struct ilf_sampler {
 /* List what exceeds the threshold (ilf_patches.c); threshold 0 is set to 3 times the mean. */
 ilf_status ilf_find_patches(ilf_sampler *s, ilf_error *err);
 
-/* The largest bilinear weight that a patch's probe has anywhere in the cube (or ball) of half edge r around x, plane's
- * coordinates; 0 where the patch is not seen. */
+/* The largest bilinear weight that a patch's probe has anywhere in the cube (or ball) of half edge r around
+ * x, plane's coordinates; 0 where the patch is not seen. */
 float ilf_patch_weight(const ilf_sampler *s, const patch *p, const float x[3], float r);
 
 /* ---- numbering of cells: Morton, column's bits even, row's odd ---- */

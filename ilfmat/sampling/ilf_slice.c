@@ -69,7 +69,8 @@ static int make_scratch(ilf_sampler *s)
     s->seen = calloc(SLICE_CELLS, sizeof *s->seen);
     s->most = calloc(SLICE_CELLS, sizeof *s->most);
     s->touched = malloc(SLICE_CELLS * sizeof *s->touched);
-    return s->table && s->cell_dir && s->mark_dir && s->mark && s->marked && s->weight && s->near && s->far && s->seen && s->most && s->touched
+    return s->table && s->cell_dir && s->mark_dir && s->mark && s->marked && s->weight && s->near && s->far &&
+                   s->seen && s->most && s->touched
                ? 0
                : -1;
 }
@@ -90,9 +91,10 @@ ilf_status ilf_sampler_open(ilf_sampler **sampler, const ilf *field, const ilf_f
     s->threshold = spec->threshold;
     s->cube = spec->cube;
     if (s->cube <= 0) {
-        /* the probes' pitch, below which the field does not change; but small enough that a lamp moves by no more than about
-         * a cell of the map from the cube's one side to the other */
-        const int most = 24, n_u = in->n_u - 1 > most ? in->n_u - 1 : most, n_v = in->n_v - 1 > most ? in->n_v - 1 : most;
+        /* the probes' pitch, below which the field does not change; but small enough that a lamp moves by no
+         * more than about a cell of the map from the cube's one side to the other */
+        const int most = 24, n_u = in->n_u - 1 > most ? in->n_u - 1 : most,
+                  n_v = in->n_v - 1 > most ? in->n_v - 1 : most;
         const double pu = frame->len_u / n_u, pv = frame->len_v / n_v;
         s->cube = sqrt(pu) * sqrt(pv);
     }
@@ -141,7 +143,8 @@ float ilf_patch_weight(const ilf_sampler *s, const patch *p, const float x[3], f
     const float up = p->n - x[2], slack = r + p->radius;
 
     if (up + slack <= 0) return 0;
-    const float su = (float)(in->n_u - 1) / (float)s->frame.len_u, sv = (float)(in->n_v - 1) / (float)s->frame.len_v;
+    const float su = (float)(in->n_u - 1) / (float)s->frame.len_u,
+                sv = (float)(in->n_v - 1) / (float)s->frame.len_v;
     if (up <= 2 * slack) return 1; /* so close that the foot may be anywhere */
     const float tu = (p->u - x[0]) / up, tv = (p->v - x[1]) / up, k = fabsf(x[2]) / (up - slack);
     const float spread_u = (1 + fabsf(tu)) * (r * (1 + k) + p->radius * k);
@@ -152,8 +155,8 @@ float ilf_patch_weight(const ilf_sampler *s, const patch *p, const float x[3], f
     return wu > 0 ? wu * tent((fv - spread_v) * sv, (fv + spread_v) * sv, p->j, in->n_v) : 0;
 }
 
-/* Light of a probe in a cell.  Within one probe patches overlap: the larger counts; different probes' weights add up, as in the
- * lookup.  Returns 1 if the cell is new. */
+/* Light of a probe in a cell.  Within one probe patches overlap: the larger counts; different probes' weights
+ * add up, as in the lookup.  Returns 1 if the cell is new. */
 static inline int add_light(struct mark *m, int owner, float value, float dist)
 {
     const int is_new = m->owner == 0;
@@ -194,15 +197,18 @@ static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, floa
     ilf_hemi_to_square(&a, &b, unit);
     const double below = unit[2] < 0 ? asin(fmin(1, -unit[2])) : 0; /* the centre was lifted to the horizon */
     const double side = ILF_HEMI_STRETCH * (reach + below);
-    const int a0 = clamp_mark((a - side + 1) * (MARK_SIDE / 2)), a1 = clamp_mark((a + side + 1) * (MARK_SIDE / 2));
-    const int b0 = clamp_mark((b - side + 1) * (MARK_SIDE / 2)), b1 = clamp_mark((b + side + 1) * (MARK_SIDE / 2));
+    const int a0 = clamp_mark((a - side + 1) * (MARK_SIDE / 2)),
+              a1 = clamp_mark((a + side + 1) * (MARK_SIDE / 2));
+    const int b0 = clamp_mark((b - side + 1) * (MARK_SIDE / 2)),
+              b1 = clamp_mark((b + side + 1) * (MARK_SIDE / 2));
     const float du = (float)unit[0], dv = (float)unit[1], dn = (float)unit[2];
 
     for (int row = b0; row <= b1; row++)
         for (int k = row * MARK_SIDE + a0; k <= row * MARK_SIDE + a1; k++) {
             const float *c = s->mark_dir[k];
 
-            if (c[0] * du + c[1] * dv + c[2] * dn >= near && add_light(&s->mark[k], owner, value, (float)dist))
+            if (c[0] * du + c[1] * dv + c[2] * dn >= near &&
+                add_light(&s->mark[k], owner, value, (float)dist))
                 s->marked[marked++] = (uint16_t)k;
         }
     return marked;
@@ -235,16 +241,18 @@ static int by_number(const void *a, const void *b)
     return (int)*(const uint16_t *)a - (int)*(const uint16_t *)b;
 }
 
-/* The bounds say where light may be; a look from the cube's centre at the middle of each touched cell says where it is.
- * Neighbouring cells share what is seen (lamps move by about a cell over the cube, and are about as large). */
+/* The bounds say where light may be; a look from the cube's centre at the middle of each touched cell says
+ * where it is. Neighbouring cells share what is seen (lamps move by about a cell over the cube, and are about
+ * as large). */
 static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf_error *err)
 {
     const ilf_frame *fr = &s->frame;
     double x[3], seen = 0, bound = 0;
 
     for (int c = 0; c < 3; c++)
-        x[c] = fr->origin[c] + s->cube * (((double)key[0] + 0.5) * fr->u[c] + ((double)key[1] + 0.5) * fr->v[c] +
-                                          ((double)key[2] + 0.5) * fr->n[c]);
+        x[c] =
+            fr->origin[c] + s->cube * (((double)key[0] + 0.5) * fr->u[c] + ((double)key[1] + 0.5) * fr->v[c] +
+                                       ((double)key[2] + 0.5) * fr->n[c]);
     for (int t = 0; t < touched; t++) {
         const int k = s->touched[t];
         const int ends = s->spec.mode == ILF_DEPTH && s->near[k] < 0.98f * s->far[k] ? 2 : 1;
@@ -259,9 +267,11 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
                        (double)s->cell_dir[k][2] * fr->n[c];
                 hit[c] = x[c] + far * d[c];
             }
-            const ilf_status st = ilf_eval(rgb, s->field, fr, x, d, s->spec.mode == ILF_DEPTH ? hit : x, s->spec.mode, err);
+            const ilf_status st =
+                ilf_eval(rgb, s->field, fr, x, d, s->spec.mode == ILF_DEPTH ? hit : x, s->spec.mode, err);
             if (st != ILF_OK) return st;
-            const float value = (float)fmin(ilf_luminance(rgb) / s->unit * ilf_excess_part(rgb, s->threshold), 1e6);
+            const float value =
+                (float)fmin(ilf_luminance(rgb) / s->unit * ilf_excess_part(rgb, s->threshold), 1e6);
             if (value > s->seen[k]) s->seen[k] = value;
         }
     }
@@ -299,7 +309,8 @@ static ilf_slice *collect(ilf_sampler *s, int touched)
     sl->near = sl->cdf + n + 1;
     sl->far = sl->near + n;
     sl->cell = (uint16_t *)(sl->far + n);
-    for (size_t k = 0; k < n; k++) sl->cell[k] = cell_number(s->touched[k] % SLICE_SIDE, s->touched[k] / SLICE_SIDE);
+    for (size_t k = 0; k < n; k++)
+        sl->cell[k] = cell_number(s->touched[k] % SLICE_SIDE, s->touched[k] / SLICE_SIDE);
     qsort(sl->cell, n, sizeof *sl->cell, by_number);
     for (size_t k = 0; k < n; k++) {
         const int at = (int)(gather(sl->cell[k]) + gather((uint32_t)sl->cell[k] >> 1) * SLICE_SIDE);
@@ -317,7 +328,8 @@ static ilf_slice *collect(ilf_sampler *s, int touched)
 static ilf_status build(ilf_slice **slice, ilf_sampler *s, const int64_t key[3], ilf_error *err)
 {
     const double e = s->cube;
-    const float x[3] = {(float)(((double)key[0] + 0.5) * e), (float)(((double)key[1] + 0.5) * e), (float)(((double)key[2] + 0.5) * e)};
+    const float x[3] = {(float)(((double)key[0] + 0.5) * e), (float)(((double)key[1] + 0.5) * e),
+                        (float)(((double)key[2] + 0.5) * e)};
     const float r = (float)(0.5 * e);
     int marked = 0;
 
@@ -392,12 +404,14 @@ ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *s, const double poi
         const double x = (point[0] - fr->origin[0]) * axis[0] + (point[1] - fr->origin[1]) * axis[1] +
                          (point[2] - fr->origin[2]) * axis[2];
         const double q = floor(x / s->cube);
-        if (!(fabs(q) < 1e15)) return ilf_fail(err, ILF_ERR_ARG, "point: expected finite coordinates near the light field");
+        if (!(fabs(q) < 1e15))
+            return ilf_fail(err, ILF_ERR_ARG, "point: expected finite coordinates near the light field");
         key[c] = (int64_t)q;
     }
     size_t k = find(s->table, s->table_size, key);
     if (!s->table[k]) {
-        if (make_room(s) != 0) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
+        if (make_room(s) != 0)
+            return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
         k = find(s->table, s->table_size, key);
         const ilf_status st = build(&s->table[k], s, key, err);
         if (st != ILF_OK) return st;

@@ -57,10 +57,8 @@ static void write_output(void)
         for (;;) pause();
     }
     if (strcmp(mode, "fail") == 0) cli_fail(CLI_FAILED, "%s: asked to fail\nwith a second line", output);
-    if (strcmp(mode, "abort") == 0)
-        out_abort(o);
-    else if (out_commit(o, &e) < 0)
-        cli_fail(CLI_FAILED, "%s", e.text);
+    if (strcmp(mode, "abort") == 0) out_abort(o);
+    else if (out_commit(o, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
 }
 
 int main(int argc, char **argv)

@@ -1,6 +1,6 @@
 /*
- * ilfboth.c - test driver: the lookup of usual rays against that of any ray, and two files against each other.
- * ilfboth FILE [OTHER] [--rays N]
+ * ilfboth.c - test driver: the lookup of usual rays against that of any ray, and two files against each
+ * other. ilfboth FILE [OTHER] [--rays N]
  *
  * Prints the number of rays that the fast lookup took, and the largest difference between the two as a part
  * of the value (texels are not to be negative).  With OTHER it prints how
@@ -27,11 +27,13 @@ static double uniform(void)
     return (double)(state >> 11) * 0x1p-53;
 }
 
-/* About the plane, in all directions; one in eight of another size, parallel, on the plane, on a probe, or at the seam. */
+/* About the plane, in all directions; one in eight of another size, parallel, on the plane, on a probe, or at
+ * the seam. */
 static void make_ray(double o[3], double d[3], double h[3], const ilf_frame *fr)
 {
     const int odd = (int)(64 * uniform());
-    const double z = uniform(), th = 2 * ILF_PI * uniform(), s = sqrt(1 - z * z), reach = (fr->len_u + fr->len_v) * pow(10, 2 * uniform() - 1);
+    const double z = uniform(), th = 2 * ILF_PI * uniform(), s = sqrt(1 - z * z),
+                 reach = (fr->len_u + fr->len_v) * pow(10, 2 * uniform() - 1);
     double a[3] = {s * cos(th), s * sin(th), z}, q[2] = {1.4 * uniform() - 0.2, 1.4 * uniform() - 0.2};
 
     if (odd == 0) a[2] = 1e-12;
@@ -72,8 +74,10 @@ int main(int argc, char **argv)
             make_ray(o, d, h, fr);
             const double *hit = mode == 2 ? NULL : h;
             const ilf_mode how = mode == 1 ? ILF_NO_DEPTH : ILF_DEPTH;
-            if (f[0]->fast[0]) fast += f[0]->fast[mode == 0](c, f[0], fr, hit ? h : o, d, &err) != ILF_UNUSUAL;
-            if (ilf_eval(a, f[0], fr, o, d, hit, how, &err) != ILF_OK || ilf_eval_plain(b, f[0], fr, o, d, hit, how, &err) != ILF_OK ||
+            if (f[0]->fast[0])
+                fast += f[0]->fast[mode == 0](c, f[0], fr, hit ? h : o, d, &err) != ILF_UNUSUAL;
+            if (ilf_eval(a, f[0], fr, o, d, hit, how, &err) != ILF_OK ||
+                ilf_eval_plain(b, f[0], fr, o, d, hit, how, &err) != ILF_OK ||
                 (f[1] && ilf_eval(c, f[1], fr, o, d, hit, how, &err) != ILF_OK))
                 cli_fail(CLI_FAILED, "%s", err.text);
             if (f[1]) differ += memcmp(a, c, sizeof a) != 0;

@@ -26,8 +26,15 @@ int main(int argc, char **argv)
     if (argn != 2) cli_fail(CLI_USAGE, "expected IN and OUT");
     if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     const ilf_info *in = ilf_get_info(field);
-    ilf_spec s = {.n_u = in->n_u, .n_v = in->n_v, .n_theta = in->n_theta, .n_phi = in->n_phi, .polar_max = in->polar_max,
-                  .polar_valid = in->polar_valid, .type = in->type, .compression = compression, .interleave = interleave};
+    ilf_spec s = {.n_u = in->n_u,
+                  .n_v = in->n_v,
+                  .n_theta = in->n_theta,
+                  .n_phi = in->n_phi,
+                  .polar_max = in->polar_max,
+                  .polar_valid = in->polar_valid,
+                  .type = in->type,
+                  .compression = compression,
+                  .interleave = interleave};
     for (int c = 0; c < 3; c++) {
         s.origin[c] = (double)in->origin[c];
         s.U[c] = (double)in->U[c];
@@ -37,7 +44,8 @@ int main(int argc, char **argv)
     if (!rgb) cli_fail(CLI_FAILED, "no memory");
     if (ilf_writer_open(&w, argv[2], &s, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     for (int k = 0; k < in->n_u * in->n_v; k++)
-        if (ilf_read_probe(rgb, field, k % in->n_u, k / in->n_u, &err) != ILF_OK || ilf_writer_probe(w, rgb, &err) != ILF_OK)
+        if (ilf_read_probe(rgb, field, k % in->n_u, k / in->n_u, &err) != ILF_OK ||
+            ilf_writer_probe(w, rgb, &err) != ILF_OK)
             cli_fail(CLI_FAILED, "%s", err.text);
     if (ilf_writer_close(w, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     free(rgb);

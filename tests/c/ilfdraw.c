@@ -1,13 +1,14 @@
 /*
  * ilfdraw.c - test driver: the sampler of libilf on its own.  Records of doubles in, records of doubles out.
  *
- *   ilfdraw sample FILE [options]   x y z u v w     ->  du dv dn pdf distance expected    (pdf -1: no slice there)
- *   ilfdraw pdf FILE [options]      x y z du dv dn  ->  pdf                            (-1: no slice there)
- *   ilfdraw lamps FILE [options]    x y z radius    ->  n, then MOST times x y z radius excess
- *   ilfdraw info FILE [options]                     ->  one line: threshold patches
+ *   ilfdraw sample FILE [options]   x y z u v w     ->  du dv dn pdf distance expected    (pdf -1: no slice
+ * there) ilfdraw pdf FILE [options]      x y z du dv dn  ->  pdf                            (-1: no slice
+ * there) ilfdraw lamps FILE [options]    x y z radius    ->  n, then MOST times x y z radius excess ilfdraw
+ * info FILE [options]                     ->  one line: threshold patches
  *
- * Points are the file's own coordinates, directions the plane's (u, v, n).  The auxiliary geometry is at infinity,
- * or a box or sphere seen from inside, perhaps with a ball in it, with or without the depth correction.
+ * Points are the file's own coordinates, directions the plane's (u, v, n).  The auxiliary geometry is at
+ * infinity, or a box or sphere seen from inside, perhaps with a ball in it, with or without the depth
+ * correction.
  */
 #include <math.h>
 #include <stdio.h>
@@ -47,14 +48,17 @@ static int take_ball(const char *value, void *arg, errmsg *e)
 
 static const cli_opt opts[] = {
     {"nodepth", 0, CLI_FLAG, &no_depth, NULL, NULL, "lookups without depth correction"},
-    {"box", 0, CLI_CALL, NULL, take_box, "X0,Y0,Z0,X1,Y1,Z1", "auxiliary geometry: the box between two corners, from inside"},
+    {"box", 0, CLI_CALL, NULL, take_box, "X0,Y0,Z0,X1,Y1,Z1",
+     "auxiliary geometry: the box between two corners, from inside"},
     {"sphere", 0, CLI_CALL, NULL, take_sphere, "X,Y,Z,R", "auxiliary geometry: a sphere, from inside"},
     {"ball", 0, CLI_CALL, NULL, take_ball, "X,Y,Z,R", "a ball within the box or sphere"},
     {"cube", 0, CLI_DOUBLE, &cube, NULL, "E", "edge of the cubes of space (default: the library's)"},
-    {"threshold", 0, CLI_DOUBLE, &threshold, NULL, "T", "luminance that counts as bright (default: the library's)"},
+    {"threshold", 0, CLI_DOUBLE, &threshold, NULL, "T",
+     "luminance that counts as bright (default: the library's)"},
     {0},
 };
-static const cli_prog prog = {"ilfdraw", "sample|pdf|lamps|info FILE", "Draws from a light field's sampler.", opts, ""};
+static const cli_prog prog = {"ilfdraw", "sample|pdf|lamps|info FILE", "Draws from a light field's sampler.",
+                              opts, ""};
 
 /* Where a ray goes into (side -1) or out of (side 1) a sphere; infinity if it misses. */
 static double cross_sphere(const double o[3], const double d[3], const double s[4], int side)
@@ -77,8 +81,7 @@ static int way_out(double hit[3], const double o[3], const double d[3], void *co
     double t = HUGE_VAL;
 
     (void)context;
-    if (has_sphere)
-        t = cross_sphere(o, d, sphere, 1);
+    if (has_sphere) t = cross_sphere(o, d, sphere, 1);
     else
         for (int k = 0; k < 3; k++) {
             if (d[k] == 0) continue;

@@ -2,8 +2,9 @@
  * ilfspeed.c - test driver: what one lookup costs.  ilfspeed FILE [--lookups N]
  *
  * Prints CPU nanoseconds per lookup for three kinds of access, without and with depth correction, after one
- * pass that brings all probes into memory: "random" (a point on the plane and a direction anew for each), "point"
- * (one point, all directions) and "coherent" (neighbouring directions from one point, as a lamp's candidates are).
+ * pass that brings all probes into memory: "random" (a point on the plane and a direction anew for each),
+ * "point" (one point, all directions) and "coherent" (neighbouring directions from one point, as a lamp's
+ * candidates are).
  */
 #include <math.h>
 #include <stdint.h>
@@ -42,8 +43,10 @@ static void make_rays(double (*ray)[9], int n, int kind, const ilf_frame *fr)
     for (int k = 0; k < n; k++) {
         double *o = ray[k], *d = o + 3, *h = o + 6;
         if (kind == RANDOM) q[0] = uniform(), q[1] = uniform();
-        if (kind != COHERENT || k % 4096 == 0) theta = 2 * 3.14159265358979324 * uniform(), z = 0.02 + 0.98 * uniform();
-        const double t = theta + (kind == COHERENT ? 0.0004 * (k % 64) : 0), c = z + (kind == COHERENT ? -1e-4 * (k / 64 % 64) : 0);
+        if (kind != COHERENT || k % 4096 == 0)
+            theta = 2 * 3.14159265358979324 * uniform(), z = 0.02 + 0.98 * uniform();
+        const double t = theta + (kind == COHERENT ? 0.0004 * (k % 64) : 0),
+                     c = z + (kind == COHERENT ? -1e-4 * (k / 64 % 64) : 0);
         const double s = sqrt(1 - c * c), a[3] = {s * cos(t), s * sin(t), c};
         for (int i = 0; i < 3; i++) {
             o[i] = fr->origin[i] + q[0] * fr->len_u * fr->u[i] + q[1] * fr->len_v * fr->v[i];
@@ -64,7 +67,9 @@ int main(int argc, char **argv)
 {
     static const char *const names[] = {"random", "point", "coherent"};
     const int argn = cli_parse(&prog, argc, argv);
-    enum { BATCH = 1 << 12 }; /* rays that stay in the cache: a renderer does not read them from memory either */
+    enum {
+        BATCH = 1 << 12
+    }; /* rays that stay in the cache: a renderer does not read them from memory either */
     double(*ray)[9] = malloc(BATCH * sizeof *ray), sum = 0;
     ilf_error err;
     ilf *field;
@@ -77,7 +82,8 @@ int main(int argc, char **argv)
     float *texels = malloc((size_t)in->n_theta * (size_t)in->n_phi * 3 * sizeof *texels);
     if (!texels) cli_fail(CLI_FAILED, "no memory");
     for (int k = 0; k < in->n_u * in->n_v; k++)
-        if (ilf_read_probe(texels, field, k % in->n_u, k / in->n_u, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
+        if (ilf_read_probe(texels, field, k % in->n_u, k / in->n_u, &err) != ILF_OK)
+            cli_fail(CLI_FAILED, "%s", err.text);
     free(texels);
     for (int mode = 0; mode < 2; mode++)
         for (int kind = RANDOM; kind <= COHERENT; kind++) {
@@ -90,7 +96,8 @@ int main(int argc, char **argv)
                     const double start = seconds();
                     for (int k = 0; k < BATCH; k++) {
                         float rgb[3];
-                        if (ilf_eval(rgb, field, fr, ray[k], ray[k] + 3, ray[k] + 6, mode ? ILF_DEPTH : ILF_NO_DEPTH, &err) != ILF_OK)
+                        if (ilf_eval(rgb, field, fr, ray[k], ray[k] + 3, ray[k] + 6,
+                                     mode ? ILF_DEPTH : ILF_NO_DEPTH, &err) != ILF_OK)
                             cli_fail(CLI_FAILED, "%s", err.text);
                         sum += (double)rgb[1];
                     }

@@ -1,20 +1,22 @@
 /*
- * ilfstorm.c - test driver: rays by the million, random and adversarial, and what must hold for their radiance.
+ * ilfstorm.c - test driver: rays by the million, random and adversarial, and what must hold for their
+ * radiance.
  *
- *   ilfstorm rays FILE SEED N SCALE             N rays as ilftrace takes them, of the scene scaled about the world's origin
- *   ilfstorm plane FILE SCALE                   the scaled plane as ilftrace --plane takes it
- *   ilfstorm check FILE SEED N MODE < radiance  what ilftrace answered: finite, not negative, not above the brightest
- *                                               texel, and continuous; prints counts and the worst
- *   ilfstorm lib FILE SEED N                    the same straight through libilf, in both modes, and at scales 1e-6 to 1e6
+ *   ilfstorm rays FILE SEED N SCALE             N rays as ilftrace takes them, of the scene scaled about the
+ * world's origin ilfstorm plane FILE SCALE                   the scaled plane as ilftrace --plane takes it
+ *   ilfstorm check FILE SEED N MODE < radiance  what ilftrace answered: finite, not negative, not above the
+ * brightest texel, and continuous; prints counts and the worst ilfstorm lib FILE SEED N the same straight
+ * through libilf, in both modes, and at scales 1e-6 to 1e6
  *
- * Rays come in pairs that differ by 1e-7 to 1e-12 of the plane's size.  How much their radiance may differ follows from
- * the file's texels and the lookup's definition (contract, section 2):
+ * Rays come in pairs that differ by 1e-7 to 1e-12 of the plane's size.  How much their radiance may differ
+ * follows from the file's texels and the lookup's definition (contract, section 2):
  *
  *   |dL| <= K dw + R (|ds| + |dt|),  K = (Gx n_theta/2pi) / sin(phi) + max(Gy, 2 Gm) n_phi/polarMax
  *
  * dw = angle between the directions in which a probe is looked up, (s, t) grid coordinates, Gx, Gy = largest
- * steps between neighbouring texels of a row and a column, Gm = of the first (last) row from its mean, R = range
- * of all texels; sin(phi) is taken no smaller than half a row from a pole, for there the row's weight falls with phi.
+ * steps between neighbouring texels of a row and a column, Gm = of the first (last) row from its mean, R =
+ * range of all texels; sin(phi) is taken no smaller than half a row from a pole, for there the row's weight
+ * falls with phi.
  */
 #include <math.h>
 #include <stdio.h>
@@ -70,10 +72,10 @@ static void plane_ray(double d[3], double h[3], const ilf_info *in, const ilf_fr
     double qv = in->n_v == 1 ? .5 * f->len_v : f->len_v * j / (in->n_v - 1), c = between(-.2, 1);
 
     d[0] = cos(a) * sqrt(1 - c * c), d[1] = sin(a) * sqrt(1 - c * c), d[2] = c;
-    h[0] = between(-.5, 1.5) * f->len_u, h[1] = between(-.5, 1.5) * f->len_v, h[2] = size * pow(10, between(-3, 1));
+    h[0] = between(-.5, 1.5) * f->len_u, h[1] = between(-.5, 1.5) * f->len_v,
+    h[2] = size * pow(10, between(-3, 1));
     switch (kind) {
-    case 0: /* anything */
-        break;
+    case 0: /* anything */ break;
     case 1: /* nearly parallel to the plane */
         d[0] = cos(a), d[1] = sin(a), d[2] = pow(10, between(-16, -1));
         break;
@@ -126,7 +128,9 @@ static void make_pair(ray r[2], const ilf_info *in, const ilf_frame *f, uint64_t
     for (int m = 0; m < 2; m++) {
         for (int c = 0; c < 3; c++) {
             o[c] = h[c] - d[c] * size * .25;
-            if (m) h[c] += off * between(-1, 1) * (k % KINDS == 7 ? reach : size), d[c] += off * between(-1, 1) * (c == 2 ? fabs(d[2]) : 1);
+            if (m)
+                h[c] += off * between(-1, 1) * (k % KINDS == 7 ? reach : size),
+                    d[c] += off * between(-1, 1) * (c == 2 ? fabs(d[2]) : 1);
         }
         to_world(r[m].o, f, o, 1);
         to_world(r[m].d, f, d, 0);
@@ -202,10 +206,12 @@ static double allowed(const steps *g, const ilf_info *in, const ilf_frame *f, co
     }
     for (int m = 0; m < (depth ? 2 : 1); m++)
         for (int k = 0; k < (depth ? 4 : 1); k++) {
-            const int i = (int)fmin(floor(s[m]) + (k & 1), in->n_u - 1), j = (int)fmin(floor(t[m]) + (k >> 1), in->n_v - 1);
+            const int i = (int)fmin(floor(s[m]) + (k & 1), in->n_u - 1),
+                      j = (int)fmin(floor(t[m]) + (k >> 1), in->n_v - 1);
             const double qu = in->n_u == 1 ? .5 * f->len_u : f->len_u * i / (in->n_u - 1);
             const double qv = in->n_v == 1 ? .5 * f->len_v : f->len_v * j / (in->n_v - 1);
-            const double q[3] = {qu + qv * f->cos_uv, qv + qu * f->cos_uv, 0}; /* U and V may be 1e-4 off a right angle */
+            const double q[3] = {qu + qv * f->cos_uv, qv + qu * f->cos_uv,
+                                 0}; /* U and V may be 1e-4 off a right angle */
             double look[2][3], apart[3];
             for (int x = 0; x < 2; x++) {
                 for (int c = 0; c < 3; c++) look[x][c] = depth ? h[x][c] - q[c] : d[x][c];
@@ -215,8 +221,14 @@ static double allowed(const steps *g, const ilf_info *in, const ilf_frame *f, co
             }
             for (int c = 0; c < 3; c++) apart[c] = look[0][c] - look[1][c];
             /* what rounding of the coordinates alone can turn */
-            const double far = depth ? fmin(hypot(h[0][0] - q[0], hypot(h[0][1] - q[1], h[0][2])), hypot(h[1][0] - q[0], hypot(h[1][1] - q[1], h[1][2]))) : 1;
-            const double coarse = depth ? 8e-16 * (length(f->origin) + fabs(h[0][0]) + fabs(h[0][1]) + fabs(h[0][2]) + f->len_u + f->len_v) / far : 8e-16;
+            const double far = depth ? fmin(hypot(h[0][0] - q[0], hypot(h[0][1] - q[1], h[0][2])),
+                                            hypot(h[1][0] - q[0], hypot(h[1][1] - q[1], h[1][2])))
+                                     : 1;
+            const double coarse = depth ? 8e-16 *
+                                              (length(f->origin) + fabs(h[0][0]) + fabs(h[0][1]) +
+                                               fabs(h[0][2]) + f->len_u + f->len_v) /
+                                              far
+                                        : 8e-16;
             turn = fmax(turn, length(apart) + coarse);
             for (int x = 0; x < 2; x++) {
                 /* without a whole sphere the direction straight down is a pole without a mean */
@@ -227,9 +239,12 @@ static double allowed(const steps *g, const ilf_info *in, const ilf_frame *f, co
     const double sine = fmin(sin(.5 * row), fmax(low, 1e-30));
     /* rounding of the height and of d.n, both of which the back-traced point divides by d.n */
     const double where = length(f->origin) + fabs(h[0][0]) + fabs(h[0][1]) + fabs(h[0][2]), up = d[0][2];
-    const double coarse = 8e-16 * (where * (1 + 1 / up) + fabs(h[0][2]) / (up * up)) / fmin(f->len_u, f->len_v);
+    const double coarse =
+        8e-16 * (where * (1 + 1 / up) + fabs(h[0][2]) / (up * up)) / fmin(f->len_u, f->len_v);
     const double k = g->gx * in->n_theta / (2 * PI) / sine + fmax(g->gy, 2 * g->gm) / row;
-    return 1.02 * (k * turn + g->range * (fabs(s[0] - s[1]) + fabs(t[0] - t[1]) + coarse * (in->n_u + in->n_v))) + 1e-6 * g->most;
+    return 1.02 * (k * turn +
+                   g->range * (fabs(s[0] - s[1]) + fabs(t[0] - t[1]) + coarse * (in->n_u + in->n_v))) +
+           1e-6 * g->most;
 }
 
 /* ---- bookkeeping ---------------------------------------------------------------------------------- */
@@ -257,13 +272,16 @@ static void judge(tally *t, const float rgb[2][3], const steps *g, double bound,
         t->worst = fmax(t->worst, part);
         jump |= !(part <= 1);
     }
-    if (jump && t->jumps++ < 3) fprintf(stderr, "pair %llu (kind %d) jumps\n", (unsigned long long)k, (int)(k % KINDS));
+    if (jump && t->jumps++ < 3)
+        fprintf(stderr, "pair %llu (kind %d) jumps\n", (unsigned long long)k, (int)(k % KINDS));
 }
 
 static int report(const tally *t)
 {
-    printf("rays %ld nonfinite %ld negative %ld above %ld pairs %ld jumps %ld worst_jump %.4g scaled %ld unequal %ld worst_scale %.3g\n", t->rays,
-           t->bad, t->negative, t->above, t->pairs, t->jumps, t->worst, t->scaled, t->unequal, t->worst_scale);
+    printf("rays %ld nonfinite %ld negative %ld above %ld pairs %ld jumps %ld worst_jump %.4g scaled %ld "
+           "unequal %ld worst_scale %.3g\n",
+           t->rays, t->bad, t->negative, t->above, t->pairs, t->jumps, t->worst, t->scaled, t->unequal,
+           t->worst_scale);
     return t->bad || t->negative || t->above || t->jumps || t->unequal;
 }
 
@@ -272,7 +290,8 @@ static void scaled_frame(ilf_frame *out, const ilf_frame *f, double scale)
     double o[3], u[3], v[3];
     ilf_error err;
 
-    for (int c = 0; c < 3; c++) o[c] = f->origin[c] * scale, u[c] = f->u[c] * f->len_u * scale, v[c] = f->v[c] * f->len_v * scale;
+    for (int c = 0; c < 3; c++)
+        o[c] = f->origin[c] * scale, u[c] = f->u[c] * f->len_u * scale, v[c] = f->v[c] * f->len_v * scale;
     if (ilf_frame_init(out, o, u, v, f->n, &err) != ILF_OK) {
         fprintf(stderr, "%s\n", err.text);
         exit(1);
@@ -294,7 +313,9 @@ static int give_rays(const ilf *field, uint64_t seed, uint64_t n, double scale)
         for (int m = 0; m < 2; m++) {
             scale_ray(&r[m], scale);
             const double *o = r[m].o, *d = r[m].d, *h = r[m].h;
-            if (printf("%a %a %a %a %a %a %a %a %a\n", o[0], o[1], o[2], d[0], d[1], d[2], h[0], h[1], h[2]) < 0) return 1;
+            if (printf("%a %a %a %a %a %a %a %a %a\n", o[0], o[1], o[2], d[0], d[1], d[2], h[0], h[1], h[2]) <
+                0)
+                return 1;
         }
     }
     return fflush(stdout) != 0;
@@ -319,7 +340,8 @@ static int check(const ilf *field, uint64_t seed, uint64_t n, int depth)
             for (int c = 0; c < 3; c++) rgb[m][c] = strtof(end, &end);
         }
         make_pair(r, ilf_get_info(field), ilf_get_frame(field), seed, k);
-        judge(&t, (const float(*)[3])rgb, &g, allowed(&g, ilf_get_info(field), ilf_get_frame(field), r, depth), k);
+        judge(&t, (const float(*)[3])rgb, &g,
+              allowed(&g, ilf_get_info(field), ilf_get_frame(field), r, depth), k);
     }
     return report(&t);
 }
@@ -342,7 +364,8 @@ static int through_lib(const ilf *field, uint64_t seed, uint64_t n)
         const int mode = (int)(k / KINDS % 3), x = (int)(k / KINDS / 3 % 4);
         make_pair(r, in, f, seed, k);
         for (int m = 0; m < 2; m++)
-            if (ilf_eval(rgb[m], field, f, r[m].o, r[m].d, mode == 2 ? NULL : r[m].h, mode ? ILF_NO_DEPTH : ILF_DEPTH, &err) != ILF_OK) {
+            if (ilf_eval(rgb[m], field, f, r[m].o, r[m].d, mode == 2 ? NULL : r[m].h,
+                         mode ? ILF_NO_DEPTH : ILF_DEPTH, &err) != ILF_OK) {
                 fprintf(stderr, "%s\n", err.text);
                 return 1;
             }
@@ -354,7 +377,8 @@ static int through_lib(const ilf *field, uint64_t seed, uint64_t n)
         const double d_n = r[0].d[0] * f->n[0] + r[0].d[1] * f->n[1] + r[0].d[2] * f->n[2];
         const double rounding = allowed(&g, in, f, same, mode == 0); /* of the two calculations alone */
         if (fabs(d_n) < 1e-14 || rounding < 0) continue;
-        if (ilf_eval(other, field, &frames[x], r[0].o, r[0].d, mode == 2 ? NULL : r[0].h, mode ? ILF_NO_DEPTH : ILF_DEPTH, &err) != ILF_OK) {
+        if (ilf_eval(other, field, &frames[x], r[0].o, r[0].d, mode == 2 ? NULL : r[0].h,
+                     mode ? ILF_NO_DEPTH : ILF_DEPTH, &err) != ILF_OK) {
             fprintf(stderr, "%s\n", err.text);
             return 1;
         }
@@ -382,12 +406,9 @@ int main(int argc, char **argv)
     }
     const uint64_t seed = strtoull(argv[3], NULL, 10), n = argc > 4 ? strtoull(argv[4], NULL, 10) : 0;
     int code = 2;
-    if (!strcmp(argv[1], "rays") && argc == 6)
-        code = give_rays(field, seed, n, atof(argv[5]));
-    else if (!strcmp(argv[1], "check") && argc == 6)
-        code = check(field, seed, n, !strcmp(argv[5], "depth"));
-    else if (!strcmp(argv[1], "lib") && argc == 5)
-        code = through_lib(field, seed, n);
+    if (!strcmp(argv[1], "rays") && argc == 6) code = give_rays(field, seed, n, atof(argv[5]));
+    else if (!strcmp(argv[1], "check") && argc == 6) code = check(field, seed, n, !strcmp(argv[5], "depth"));
+    else if (!strcmp(argv[1], "lib") && argc == 5) code = through_lib(field, seed, n);
     else if (!strcmp(argv[1], "plane")) {
         ilf_frame f;
         scaled_frame(&f, ilf_get_frame(field), atof(argv[3]));

@@ -12,8 +12,8 @@
 #include <string.h>
 
 #include "base/cli.h"
-#include "image/image.h"
 #include "base/outfile.h"
+#include "image/image.h"
 
 static const char *type, *compression, *comment;
 static int extra;
@@ -37,9 +37,10 @@ static const cli_prog prog = {"imgtool", "probe|dump|rows|stream|linear|convert 
 
 static void print_info(const img_info *i)
 {
-    printf("%s %dx%d channels=%d coded=%d max=%g exposure=%.9g f=%.9g iso=%.9g orientation=%d aspect=%.9g panorama=%d\n", i->format, i->width,
-           i->height, i->channels, i->coded, i->max_code, i->exposure_s, i->f_number, i->iso,
-           i->orientation, i->pixel_aspect, i->panorama);
+    printf("%s %dx%d channels=%d coded=%d max=%g exposure=%.9g f=%.9g iso=%.9g orientation=%d aspect=%.9g "
+           "panorama=%d\n",
+           i->format, i->width, i->height, i->channels, i->coded, i->max_code, i->exposure_s, i->f_number,
+           i->iso, i->orientation, i->pixel_aspect, i->panorama);
 }
 
 static void save(const img *im, const char *path)
@@ -138,10 +139,8 @@ int main(int argc, char **argv)
         return cli_end(CLI_OK);
     }
     img im = {0};
-    if (strcmp(what, "rows") == 0)
-        load_rows(&im, file);
-    else if (img_load_as(&im, file, &how, &e) < 0)
-        cli_fail(CLI_FAILED, "%s", e.text);
+    if (strcmp(what, "rows") == 0) load_rows(&im, file);
+    else if (img_load_as(&im, file, &how, &e) < 0) cli_fail(CLI_FAILED, "%s", e.text);
     if (strcmp(what, "linear") == 0) img_linearise_srgb(&im);
     if (!out) cli_fail(CLI_USAGE, "expected an output file");
     if (strcmp(what, "convert") != 0) {
@@ -151,8 +150,7 @@ int main(int argc, char **argv)
         w.type = type && strcmp(type, "half") == 0 ? IMG_HALF : IMG_FLOAT;
         size_t values = (size_t)im.info.width * (size_t)im.info.height * (size_t)im.info.channels;
         for (size_t i = 0; scale != 1 && i < values; i++) im.pix[i] = (float)((double)im.pix[i] * scale);
-        if (extra)
-            write_extra(&im, out, &w);
+        if (extra) write_extra(&im, out, &w);
         else if (img_write(&im, out, type || compression || comment ? &w : NULL, &e) < 0)
             cli_fail(CLI_FAILED, "%s", e.text);
     }

@@ -2,8 +2,9 @@
  * fuzz.h - what the fuzz targets share.
  *
  * A target is one function that takes any bytes, gives them to one parser and aborts when what
- * the parser promises does not hold: accepted means finite, in range and usable; refused means one line of words.
- * libFuzzer drives it under clang (make fuzz); replay.c runs the kept corpus under any compiler (make test).
+ * the parser promises does not hold: accepted means finite, in range and usable; refused means one line of
+ * words. libFuzzer drives it under clang (make fuzz); replay.c runs the kept corpus under any compiler (make
+ * test).
  */
 #ifndef FUZZ_H
 #define FUZZ_H
@@ -19,12 +20,12 @@
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 /* Unlike assert() not taken out by NDEBUG, and it says what broke. */
-#define HOLDS(what)                                                                        \
-    do {                                                                                   \
-        if (!(what)) {                                                                     \
-            fprintf(stderr, "%s:%d: does not hold: %s\n", __FILE__, __LINE__, #what);      \
-            abort();                                                                       \
-        }                                                                                  \
+#define HOLDS(what)                                                                                          \
+    do {                                                                                                     \
+        if (!(what)) {                                                                                       \
+            fprintf(stderr, "%s:%d: does not hold: %s\n", __FILE__, __LINE__, #what);                        \
+            abort();                                                                                         \
+        }                                                                                                    \
     } while (0)
 
 /* A refusal is one line of printable words. */

@@ -9,8 +9,8 @@
 #include <sys/syscall.h>
 #include <time.h>
 
-#include "stagectl/c4_proto.h"
 #include "fuzz.h"
+#include "stagectl/c4_proto.h"
 #include "stagectl/grbl_proto.h"
 #include "stagectl/linebuf.h"
 #include "stagectl/stage.h"
@@ -124,7 +124,8 @@ static void talk(const uint8_t *data, size_t size)
         one_line(e.text);
         return;
     }
-    for (int a = 0; a < 2; a++) HOLDS(isfinite(s.facts.steps_per_mm[a]) && isfinite(s.facts.lo[a]) && isfinite(s.facts.hi[a]));
+    for (int a = 0; a < 2; a++)
+        HOLDS(isfinite(s.facts.steps_per_mm[a]) && isfinite(s.facts.lo[a]) && isfinite(s.facts.hi[a]));
     if (data[0] & 128) r = s.driver->home(&s, &e);
     if (r == STAGE_OK) r = s.driver->go(&s, path, 2, 600, .1, &e);
     if (r == STAGE_OK) r = s.driver->where(&s, xy, state, &e);

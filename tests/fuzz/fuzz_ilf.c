@@ -6,7 +6,8 @@
 
 static void look_up(const ilf *field)
 {
-    static const double dirs[][3] = {{0, 0, 1}, {1, 0, 1e-12}, {-1, -1e-300, 1e-9}, {1, 2, 3}, {-1, 0, .5}, {0, 0, -1}};
+    static const double dirs[][3] = {{0, 0, 1}, {1, 0, 1e-12}, {-1, -1e-300, 1e-9},
+                                     {1, 2, 3}, {-1, 0, .5},   {0, 0, -1}};
     const ilf_frame *f = ilf_get_frame(field);
     ilf_error err;
 
@@ -22,7 +23,8 @@ static void look_up(const ilf *field)
         }
         for (int m = 0; m < 6; m++) {
             const double *hit = m % 3 == 0 ? h : m % 3 == 1 ? NULL : f->origin;
-            const ilf_status st = ilf_eval(rgb, field, f, m < 3 ? h : below, d, hit, m < 3 ? ILF_DEPTH : ILF_NO_DEPTH, &err);
+            const ilf_status st =
+                ilf_eval(rgb, field, f, m < 3 ? h : below, d, hit, m < 3 ? ILF_DEPTH : ILF_NO_DEPTH, &err);
             if (st != ILF_OK) {
                 one_line(err.text);
                 continue;
@@ -45,7 +47,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     } else {
         const ilf_info *i = ilf_get_info(field);
         HOLDS(i->n_u >= 1 && i->n_v >= 1 && i->n_theta >= 1 && i->n_phi >= 1);
-        HOLDS(i->polar_max > 0 && i->polar_max < 3.1416 && i->polar_valid > 0 && i->polar_valid <= i->polar_max);
+        HOLDS(i->polar_max > 0 && i->polar_max < 3.1416 && i->polar_valid > 0 &&
+              i->polar_valid <= i->polar_max);
         if ((int64_t)i->n_theta * i->n_phi <= 1 << 16) {
             float *rgb = malloc((size_t)i->n_theta * (size_t)i->n_phi * 3 * sizeof *rgb);
             HOLDS(rgb != NULL);

@@ -12,8 +12,10 @@
 #include "fuzz.h"
 #include "stagectl/journal.h"
 
-static const char conf[] = "[grid]\nnodes = 3x2\nplane = 0 0 0 0.2 0 0 0 0.1 0\n[stage]\nunit_mm = 1000\norigin = -500 -400\nfeed = 6000\n"
-                           "[camera]\ncommand = cam {file}\nexposures = 0.25 1\n[output]\nfolder = out\nfile = {i}_{j}_{k}.ppm\n";
+static const char conf[] =
+    "[grid]\nnodes = 3x2\nplane = 0 0 0 0.2 0 0 0 0.1 0\n[stage]\nunit_mm = 1000\norigin = -500 -400\nfeed = "
+    "6000\n"
+    "[camera]\ncommand = cam {file}\nexposures = 0.25 1\n[output]\nfolder = out\nfile = {i}_{j}_{k}.ppm\n";
 
 static char folder[64], path[96], lock[96];
 
@@ -34,7 +36,8 @@ static const session *the_session(void)
     HOLDS(session_load(&s, f.path, &e) == 0);
     close(f.fd);
     /* in memory where there is such a place: opening may sync */
-    snprintf(folder, sizeof folder, "%s/ilf-fuzz-XXXXXX", access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp");
+    snprintf(folder, sizeof folder, "%s/ilf-fuzz-XXXXXX",
+             access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp");
     HOLDS(mkdtemp(folder) != NULL);
     atexit(tidy);
     free(s.folder);
@@ -54,7 +57,8 @@ static void write_journal(const uint8_t *data, size_t size, int seal)
     if (!seal) {
         HOLDS(fwrite(data, 1, size, f) == size);
     } else {
-        fprintf(f, "%08lx %s\n", crc32(crc32(0, NULL, 0), (const Bytef *)heading, sizeof heading - 1), heading);
+        fprintf(f, "%08lx %s\n", crc32(crc32(0, NULL, 0), (const Bytef *)heading, sizeof heading - 1),
+                heading);
         while (size > 0) {
             const uint8_t *end = memchr(data, '\n', size);
             const size_t n = end ? (size_t)(end - data) : size;
@@ -89,7 +93,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
                 const journal_place *p = journal_at(j, i, k);
                 if (p->has_arrived) HOLDS(isfinite(p->arrived[0]) && isfinite(p->arrived[1]));
                 for (int x = 0; p->shot && x < 2; x++) {
-                    HOLDS(memchr(p->shot[x].digest, 0, sizeof p->shot[x].digest) && memchr(p->shot[x].temp, 0, sizeof p->shot[x].temp));
+                    HOLDS(memchr(p->shot[x].digest, 0, sizeof p->shot[x].digest) &&
+                          memchr(p->shot[x].temp, 0, sizeof p->shot[x].temp));
                     HOLDS(!strchr(p->shot[x].temp, '/'));
                     HOLDS(p->shot[x].size >= 0);
                 }

@@ -1,8 +1,8 @@
 /* fuzz_lens.c - lens files: what is accepted maps angles to radii and back. */
 #include <math.h>
 
-#include "fuzz.h"
 #include "fishremap/lensfile.h"
+#include "fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
@@ -23,7 +23,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             HOLDS(t >= 0 && t <= l.half * (1 + 1e-12));
             /* to rounding of the radius, or, where the curve is steep, of the angle */
             const double below = nextafter(nextafter(t, 0), 0), above = nextafter(nextafter(t, 4), 4);
-            HOLDS(fabs(lens_radius(NULL, &l, t) - r) < 1e-12 || (lens_radius(NULL, &l, below) <= r && lens_radius(NULL, &l, above) >= r));
+            HOLDS(fabs(lens_radius(NULL, &l, t) - r) < 1e-12 ||
+                  (lens_radius(NULL, &l, below) <= r && lens_radius(NULL, &l, above) >= r));
         }
     }
     close(file.fd);

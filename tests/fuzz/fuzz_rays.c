@@ -14,8 +14,15 @@ static ilf *the_field(void)
     enum { NU = 3, NV = 2, NT = 5, NP = 4 };
 
     if (field) return field;
-    const ilf_spec spec = {.n_u = NU, .n_v = NV, .n_theta = NT, .n_phi = NP, .U = {2, 0, 0}, .V = {0, 1, 0},
-                           .polar_max = 1.6144f, .polar_valid = 1.39f, .type = ILF_FLOAT};
+    const ilf_spec spec = {.n_u = NU,
+                           .n_v = NV,
+                           .n_theta = NT,
+                           .n_phi = NP,
+                           .U = {2, 0, 0},
+                           .V = {0, 1, 0},
+                           .polar_max = 1.6144f,
+                           .polar_valid = 1.39f,
+                           .type = ILF_FLOAT};
     float rgb[NT * NP * 3];
     uint32_t x = 1;
     ilf_writer *w;
@@ -54,7 +61,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         if (read_ray(ray, line) != 0) continue;
         for (int m = 0; m < 6; m++) {
             float rgb[3];
-            if (ilf_eval(rgb, field, &frames[m / 3], ray, ray + 3, m % 3 < 2 ? ray + 6 : NULL, m % 3 ? ILF_DEPTH : ILF_NO_DEPTH, &err) != ILF_OK) {
+            if (ilf_eval(rgb, field, &frames[m / 3], ray, ray + 3, m % 3 < 2 ? ray + 6 : NULL,
+                         m % 3 ? ILF_DEPTH : ILF_NO_DEPTH, &err) != ILF_OK) {
                 HOLDS(err.status == ILF_ERR_ARG);
                 one_line(err.text);
                 continue;

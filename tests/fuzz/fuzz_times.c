@@ -16,8 +16,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         for (int k = 0; k < 3; k++) HOLDS(shots[k].seconds >= 0 && shots[k].seconds <= 0);
     } else {
         for (int k = 0; k < 3; k++) HOLDS(shots[k].seconds > 0);
-        if (shots_resolve(shots, 3, 1, &facts, &e) != 0)
-            one_line(e.text);
+        if (shots_resolve(shots, 3, 1, &facts, &e) != 0) one_line(e.text);
         else
             for (int k = 0; k < 3; k++) HOLDS(isfinite(shots[k].exposure) && shots[k].exposure > 0);
     }

@@ -1,16 +1,16 @@
 /*
  * faultshim.c - make a chosen call fail: LD_PRELOAD=faultshim.so FAULT=WHAT:HOW:N[:FILE] program ...
  *
- *   WHAT  read write open fsync rename close ftruncate fwrite (fwrite: the C library's own writes of a stream, which
- *         don't pass through write() where they can be seen from outside)
- *   HOW   ENOSPC EIO EINTR EDQUOT: that error; SHORT: half of what was asked for (read, write); ONE: one byte; KILL:
- *         SIGKILL before the call
- *   N     the N-th such call (from 1), "N+" that and all after it
- *   FILE  counts calls on files whose name contains FILE only
+ *   WHAT  read write open fsync rename close ftruncate fwrite (fwrite: the C library's own writes of a
+ * stream, which don't pass through write() where they can be seen from outside) HOW   ENOSPC EIO EINTR
+ * EDQUOT: that error; SHORT: half of what was asked for (read, write); ONE: one byte; KILL: SIGKILL before
+ * the call N     the N-th such call (from 1), "N+" that and all after it FILE  counts calls on files whose
+ * name contains FILE only
  *
  * EINTR and short counts are no failures: a program has to go on.
  *
- * FAULT_LOG=FILE notes the calls that make things durable, in order: "write|fsync|fdatasync|syncfs|rename PATH".
+ * FAULT_LOG=FILE notes the calls that make things durable, in order: "write|fsync|fdatasync|syncfs|rename
+ * PATH".
  */
 #include <dlfcn.h>
 #include <errno.h>
@@ -38,7 +38,8 @@ __attribute__((constructor)) static void read_wish(void)
     static const struct {
         const char *name;
         int how;
-    } known[] = {{"ENOSPC", ENOSPC}, {"EIO", EIO}, {"EINTR", EINTR}, {"EDQUOT", EDQUOT}, {"SHORT", SHORT}, {"ONE", ONE}, {"KILL", KILL}};
+    } known[] = {{"ENOSPC", ENOSPC}, {"EIO", EIO}, {"EINTR", EINTR}, {"EDQUOT", EDQUOT},
+                 {"SHORT", SHORT},   {"ONE", ONE}, {"KILL", KILL}};
 
     if (!wish || sscanf(wish, "%15[^:]:%15[^:]:%ld", what, name, &wanted) != 3) return;
     for (size_t k = 0; k < sizeof known / sizeof *known; k++)
@@ -176,14 +177,14 @@ static int open_as(const char *name, const char *path, int flags, mode_t mode)
     return f(path, flags, mode);
 }
 
-#define OPEN(name)                                  \
-    int name(const char *path, int flags, ...)      \
-    {                                               \
-        va_list ap;                                 \
-        va_start(ap, flags);                        \
-        const mode_t mode = va_arg(ap, mode_t);     \
-        va_end(ap);                                 \
-        return open_as(#name, path, flags, mode);   \
+#define OPEN(name)                                                                                           \
+    int name(const char *path, int flags, ...)                                                               \
+    {                                                                                                        \
+        va_list ap;                                                                                          \
+        va_start(ap, flags);                                                                                 \
+        const mode_t mode = va_arg(ap, mode_t);                                                              \
+        va_end(ap);                                                                                          \
+        return open_as(#name, path, flags, mode);                                                            \
     }
 OPEN(open)
 OPEN(open64)
@@ -207,8 +208,8 @@ FILE *fopen64(const char *path, const char *mode)
     return fopen_as("fopen64", path, mode);
 }
 
-/* The C library's streams call its own write: seen here at the calls that fill and empty them.  A stream remembers that
- * it failed. */
+/* The C library's streams call its own write: seen here at the calls that fill and empty them.  A stream
+ * remembers that it failed. */
 static void failed(FILE *f)
 {
     f->_flags |= 0x20; /* glibc's _IO_ERR_SEEN: what ferror() looks at */
@@ -248,14 +249,14 @@ int fflush(FILE *to)
     return f(to);
 }
 
-#define ON_FD(name)                                                          \
-    int name(int fd)                                                         \
-    {                                                                        \
-        int (*f)(int);                                                       \
-        size_t one = 1;                                                      \
-        *(void **)&f = real(#name);                                          \
-        if (concerns(#name, NULL, fd) && how > 0 && spoil(&one)) return -1;  \
-        return f(fd);                                                        \
+#define ON_FD(name)                                                                                          \
+    int name(int fd)                                                                                         \
+    {                                                                                                        \
+        int (*f)(int);                                                                                       \
+        size_t one = 1;                                                                                      \
+        *(void **)&f = real(#name);                                                                          \
+        if (concerns(#name, NULL, fd) && how > 0 && spoil(&one)) return -1;                                  \
+        return f(fd);                                                                                        \
     }
 ON_FD(fsync)
 ON_FD(fdatasync)

@@ -1,8 +1,9 @@
 /*
  * memoryshim.c - make a chosen allocation fail: LD_PRELOAD=memoryshim.so MEMORY=N[,BYTES] program ...
  *
- * Counted are the calls of malloc, calloc and realloc that the program's own code makes (not those that its libraries make),
- * of BYTES and more; the N-th returns NULL.  MEMORY_LOG=FILE gets the number of such calls when the program ends.
+ * Counted are the calls of malloc, calloc and realloc that the program's own code makes (not those that its
+ * libraries make), of BYTES and more; the N-th returns NULL.  MEMORY_LOG=FILE gets the number of such calls
+ * when the program ends.
  */
 #include <elf.h>
 #include <errno.h>

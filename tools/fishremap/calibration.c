@@ -32,8 +32,7 @@ static double radius_at(const radial *m, double t)
     const double s = sin(t), c = cos(t), *k = m->k;
     double u = tan(t);
     switch (m->kind) {
-    case R_FOV:
-        return t < M_PI / 2 ? atan(2 * u * tan(m->a / 2)) / m->a : NAN;
+    case R_FOV: return t < M_PI / 2 ? atan(2 * u * tan(m->a / 2)) / m->a : NAN;
     case R_EUCM: {
         double d = m->a * sqrt(m->b * s * s + c * c) + (1 - m->a) * c;
         return d > 0 ? s / d : NAN;
@@ -42,9 +41,7 @@ static double radius_at(const radial *m, double t)
         double z = m->xi + c, d = m->a * sqrt(s * s + z * z) + (1 - m->a) * z;
         return d > 0 ? s / d : NAN;
     }
-    case R_OMNI:
-        u = c + m->xi > 0 ? s / (c + m->xi) : NAN;
-        break;
+    case R_OMNI: u = c + m->xi > 0 ? s / (c + m->xi) : NAN; break;
     default:
         if (t >= M_PI / 2) return NAN;
     }
@@ -385,8 +382,7 @@ int calibration_tree(lens *l, char said[256], const char *text, const char *name
     int n, rc = find_camera(&s, camera, e);
     if (!rc) {
         const double *q = numbers(&s, "intrinsics", &n);
-        if (q)
-            rc = read_kalibr(l, &s, q, n, e);
+        if (q) rc = read_kalibr(l, &s, q, n, e);
         else {
             q = any_numbers(&s, matrix_keys, &n);
             rc = read_matrix(l, said, &s, q, n, e);

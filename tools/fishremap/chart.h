@@ -13,12 +13,12 @@
  *   +u --+   fisheye        point of its picture at azimuth psi shows light from azimuth psi.
  *
  * A GRID is a rectangle in (longitude, polar angle): the contract's probe, with the pole at
- * the top, or a panorama (latlong) whose middle is n and whose top is v, seen from within as a camera sees it: +u to
- * the left.
+ * the top, or a panorama (latlong) whose middle is n and whose top is v, seen from within as a camera sees
+ * it: +u to the left.
  *
- * These are the places of a chart that nothing turns.  chart_turn() and chart_face() turn the frame of any chart as they would turn
- * the camera; so all charts but the mirror sphere's picture are of one handedness, and any two of them, by way of
- * directions, are a rotation apart and never a reflection.
+ * These are the places of a chart that nothing turns.  chart_turn() and chart_face() turn the frame of any
+ * chart as they would turn the camera; so all charts but the mirror sphere's picture are of one handedness,
+ * and any two of them, by way of directions, are a rotation apart and never a reflection.
  */
 #ifndef CHART_H
 #define CHART_H
@@ -29,13 +29,14 @@ typedef enum chart_kind { CHART_DISC, CHART_GRID } chart_kind;
 
 typedef struct chart {
     chart_kind kind;
-    int width, height;      /* pixels */
-    double frame[3][3];     /* rows: the chart's right, up (towards azimuth 90) and axis, in (u, v, n) */
+    int width, height;  /* pixels */
+    double frame[3][3]; /* rows: the chart's right, up (towards azimuth 90) and axis, in (u, v, n) */
     /* disc */
     lens lens;
-    double cx, cy, radius;  /* pixels; radius at field angle lens.half, to the right where shape is not 1 */
-    double shape[2][2];     /* (right, up) offset in pixels = radius shape (r cos psi, r sin psi): the lens's own, or 1 */
-    double unshape[2][2];   /* its inverse */
+    double cx, cy, radius; /* pixels; radius at field angle lens.half, to the right where shape is not 1 */
+    double shape[2][2]; /* (right, up) offset in pixels = radius shape (r cos psi, r sin psi): the lens's own,
+                           or 1 */
+    double unshape[2][2]; /* its inverse */
     /* grid: azimuth = lon0 + x lon_span/width about the axis, counted from right to up;
      * polar angle = y polar_max/height */
     double lon0, lon_span, polar_max;
@@ -53,13 +54,14 @@ void chart_probe(chart *c, int width, int height, double polar_max);
 void chart_latlong(chart *c, int width, int height, double span);
 
 /* Turn an unturned chart's frame as the camera stood.  Its picture is turned counter-clockwise as seen by
- * rotate, radians, before it is read; then its axis (disc), or middle (latlong), or pole (probe) leans by tilt from n
- * towards the picture's azimuth tilt_to, counter-clockwise from right, as seen; 90 degrees: the top of the picture.
- * Of a probe "the picture" is what a camera along n sees: +v up, +u to the left.  mirror: +u is to the right. */
+ * rotate, radians, before it is read; then its axis (disc), or middle (latlong), or pole (probe) leans by
+ * tilt from n towards the picture's azimuth tilt_to, counter-clockwise from right, as seen; 90 degrees: the
+ * top of the picture. Of a probe "the picture" is what a camera along n sees: +v up, +u to the left.  mirror:
+ * +u is to the right. */
 void chart_turn(chart *c, int mirror, double rotate, double tilt, double tilt_to);
 
-/* Then stand the camera up: what was along n comes to lie in the plane at azimuth heading (radians, from u to v), what was
- * along v comes to lie along n. */
+/* Then stand the camera up: what was along n comes to lie in the plane at azimuth heading (radians, from u to
+ * v), what was along v comes to lie along n. */
 void chart_face(chart *c, double heading);
 
 /* Position in a disc, in its radius and without its shape: *x right, *y up, 1 = the rim. */

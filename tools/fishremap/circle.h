@@ -24,9 +24,9 @@ typedef struct circle_found {
     double seen;     /* of the circumference: what lies in the picture */
     double contrast; /* across the rim, median, log (base e) units */
     double strength; /* 0..1: how much of what is visible is a rim, less what is like one outside of it */
-    double apart; /* share of the radius: how far it lies off in a smaller and in a softer copy, and a part
-                     of a pixel */
-    double margin; /* 0..1: by how much the next best other circle is worse */
+    double apart;    /* share of the radius: how far it lies off in a smaller and in a softer copy, and a part
+                        of a pixel */
+    double margin;   /* 0..1: by how much the next best other circle is worse */
 } circle_found;
 
 /* pix: 4 floats a pixel (R, G, B, alpha; alpha < 1/2 not used).  radius: known radius in pixels, or 0: from 3

@@ -4,8 +4,8 @@
 #ifndef CIRCLELOOK_H
 #define CIRCLELOOK_H
 
-#include "circle.h"
 #include "base/errmsg.h"
+#include "circle.h"
 
 typedef struct circle_look {
     int any;        /* there is one; else the rest is 0 */

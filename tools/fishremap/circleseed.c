@@ -43,10 +43,8 @@ static void keep(seedlist *l, const circle_seed *c, double apart)
         }
         if (o->score < l->s[worst].score) worst = k;
     }
-    if (l->n < l->room)
-        l->s[l->n++] = *c;
-    else if (c->score > l->s[worst].score)
-        l->s[worst] = *c;
+    if (l->n < l->room) l->s[l->n++] = *c;
+    else if (c->score > l->s[worst].score) l->s[worst] = *c;
 }
 
 /* Every circle on the smallest copy. */
@@ -223,10 +221,8 @@ int circle_seeds(circle_seed *s, int room, const rim_pyramid *p, circle_kind kin
         int at = mid;
         for (double r = s[i].c[2]; !s[i].placed && at + 1 < p->n && r > 30; r /= 2) at++;
         on_level(&s[i], at);
-        if (s[i].placed)
-            s[i].score = rim_climb(s[i].c, l, kind, free_radius, 1);
-        else
-            climb_near(&s[i], p, kind, free_radius, mid);
+        if (s[i].placed) s[i].score = rim_climb(s[i].c, l, kind, free_radius, 1);
+        else climb_near(&s[i], p, kind, free_radius, mid);
     }
     qsort(s, (size_t)out.n, sizeof *s, by_score);
     return out.n;

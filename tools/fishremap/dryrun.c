@@ -21,7 +21,8 @@ int job_dry_run(const settings *s, errmsg *e)
     if (lens_needed && lens_read(&l, s->lens, s->fov_deg, e)) return -1;
     if (s->falloff) {
         falloff *f = malloc(sizeof *f);
-        int bad = f ? falloff_read(f, s->falloff, l.half, s->falloff_set, s->aperture, e) : err_set(e, "out of memory");
+        int bad = f ? falloff_read(f, s->falloff, l.half, s->falloff_set, s->aperture, e)
+                    : err_set(e, "out of memory");
         free(f);
         if (bad) return -1;
     }

@@ -11,9 +11,9 @@
 
 #include "base/textfile.h"
 
-#define DEG (M_PI / 180)
+#define DEG       (M_PI / 180)
 #define MAX_POWER 32
-#define MAX_ROWS 4096
+#define MAX_ROWS  4096
 
 /* Monotone cubic (Fritsch-Carlson) through n points, evaluated at t; held outside. */
 static double monotone_cubic(const double *x, const double *y, int n, double t)
@@ -45,7 +45,9 @@ static int check(const falloff *f, const char *name, errmsg *e)
     for (int c = 0; c < 3; c++)
         for (int k = 0; k <= FALLOFF_STEPS; k++)
             if (!(f->v[c][k] > 1e-3) || !(f->v[c][k] < 1e3))
-                return err_set(e, "%s: expected a falloff between 0.001 and 1000 over the whole field, found %g at %.4g degrees",
+                return err_set(e,
+                               "%s: expected a falloff between 0.001 and 1000 over the whole field, found %g "
+                               "at %.4g degrees",
                                name, f->v[c][k], f->half * k / FALLOFF_STEPS / DEG);
     return 0;
 }
@@ -78,7 +80,9 @@ static int parse_text(falloff *f, const char *text, const char *name, errmsg *e)
                                                        : 0;
             int m = unit > 0 ? text_numbers(v, MAX_POWER + 1, line + 10 + used) : -1;
             if (m < 1 || npoly == 3) {
-                err_set(e, "%s: line %d: expected up to three lines \"polynomial rn|deg|rad c0 c1 ...\", found \"%.60s\"",
+                err_set(e,
+                        "%s: line %d: expected up to three lines \"polynomial rn|deg|rad c0 c1 ...\", found "
+                        "\"%.60s\"",
                         name, lines.number, line);
                 goto done;
             }
@@ -87,7 +91,8 @@ static int parse_text(falloff *f, const char *text, const char *name, errmsg *e)
         }
         int m = text_numbers(v, MAX_POWER + 1, line);
         if (m < 4 || n == MAX_ROWS || !(v[0] >= 0) || (n && !(v[0] > rows[n - 1][0] / DEG))) {
-            err_set(e, "%s: line %d: expected \"DEGREES R G B\" with growing angles, found \"%.60s\"", name, lines.number, line);
+            err_set(e, "%s: line %d: expected \"DEGREES R G B\" with growing angles, found \"%.60s\"", name,
+                    lines.number, line);
             goto done;
         }
         if (!(v[1] > 0 && v[2] > 0 && v[3] > 0)) {
@@ -99,7 +104,8 @@ static int parse_text(falloff *f, const char *text, const char *name, errmsg *e)
         n++;
     }
     if ((n == 0) == (npoly == 0) || npoly == 2) {
-        err_set(e, "%s: expected lines \"DEGREES R G B\", or one or three polynomials, found %d and %d", name, n, npoly);
+        err_set(e, "%s: expected lines \"DEGREES R G B\", or one or three polynomials, found %d and %d", name,
+                n, npoly);
         goto done;
     }
     if (npoly == 1) {
@@ -211,7 +217,8 @@ static int json_object(json *j, json_set *s, int depth, errmsg *e)
     return 0;
 }
 
-static int parse_json(falloff *f, const char *text, const char *name, const char *set, double f_number, errmsg *e)
+static int parse_json(falloff *f, const char *text, const char *name, const char *set, double f_number,
+                      errmsg *e)
 {
     json *j = calloc(1, sizeof *j);
     const json_set *s = NULL;
@@ -236,7 +243,8 @@ static int parse_json(falloff *f, const char *text, const char *name, const char
     for (int i = 0; !s && (!*want || (!set && usable == 1)) && i < j->nsets; i++)
         if (j->set[i].powers) s = &j->set[i];
     if (!s) {
-        err_set(e, "%s: expected %s, found the sets (%s)", name, *want ? want : "a set of coefficients", *list ? list : "none");
+        err_set(e, "%s: expected %s, found the sets (%s)", name, *want ? want : "a set of coefficients",
+                *list ? list : "none");
         goto done;
     }
     if (!*want && usable > 1) snprintf(f->chosen, sizeof f->chosen, "%s", s->name);
@@ -286,7 +294,8 @@ void falloff_apply(float *pix, int channels, const chart *c, const falloff *f)
     for (int k = 0; k <= N + 1; k++) {
         double t = lens_angle(&c->lens, (double)k / N), g[3];
         for (int i = 0; i < 3; i++) g[i] = 1 / falloff_at(f, i, t);
-        for (int i = 0; i < 3; i++) gain[i][k] = (float)(colours == 3 ? g[i] : 3 / (1 / g[0] + 1 / g[1] + 1 / g[2]));
+        for (int i = 0; i < 3; i++)
+            gain[i][k] = (float)(colours == 3 ? g[i] : 3 / (1 / g[0] + 1 / g[1] + 1 / g[2]));
     }
 #pragma omp parallel for schedule(static)
     for (int y = 0; y < c->height; y++) {

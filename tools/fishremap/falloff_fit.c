@@ -255,10 +255,8 @@ static int solve_monotone(double g[N], const fit_data *d, double lambda, int law
     }
     for (int i = 0; i < m; i++) {
         double w = i < d->n ? d->in[i] : sqrt(lambda * stiffness(law, i - d->n));
-        if (i < d->n)
-            memcpy(row, d->row[i], sizeof row);
-        else
-            third(row, i - d->n);
+        if (i < d->n) memcpy(row, d->row[i], sizeof row);
+        else third(row, i - d->n);
         /* g_k = level - sum of steps before k, in unknowns (level + SHIFT, s_0, s_1, ...); nodes that
          * may rise take part as levels of their own, shifted alike. */
         double *out = a + (size_t)i * N, sum = 0, run = 0;

@@ -148,12 +148,9 @@ int fit_outliers(fit_data *d)
             if (d->in[i] && q > most) most = q, worst = i;
             if (!d->in[i] && q < least) least = q, back = i;
         }
-        if (worst >= 0 && count > 4)
-            d->in[worst] = 0;
-        else if (back >= 0)
-            d->in[back] = 1;
-        else
-            break;
+        if (worst >= 0 && count > 4) d->in[worst] = 0;
+        else if (back >= 0) d->in[back] = 1;
+        else break;
     }
     free(t);
     return rc;

@@ -27,7 +27,8 @@ typedef struct fit_data {
 int fit_outliers(fit_data *d);
 
 /* falloff_fit.c's answers: the curve at a reading; its variance in units of the noise's; and each reading's
- * deviation from what the others say, in standard deviations and in log units (off), by the law of stiffness that bears it out best.
+ * deviation from what the others say, in standard deviations and in log units (off), by the law of stiffness
+ * that bears it out best.
  */
 double fit_predict(const double g[FIT_NODES], const double row[FIT_NODES]);
 double fit_variance(const double (*inv)[FIT_NODES], const double row[FIT_NODES]);

@@ -8,7 +8,8 @@
 
 #include "image/image.h"
 
-/* Sums over a part of a row of finer texels: radiance (3), what is seen of the solid angle, and all of it; all by weight. */
+/* Sums over a part of a row of finer texels: radiance (3), what is seen of the solid angle, and all of it;
+ * all by weight. */
 enum { SEEN = 3, ALL = 4, SUMS = 5 };
 
 typedef struct kernel {
@@ -18,7 +19,8 @@ typedef struct kernel {
 
 static int kernel_make(kernel *q, double sd, int times)
 {
-    const double own = 1. / (12. * times * times), narrow = sqrt(sd * sd - own); /* variance of a finer texel's own width */
+    const double own = 1. / (12. * times * times),
+                 narrow = sqrt(sd * sd - own); /* variance of a finer texel's own width */
     q->reach = (int)ceil(4 * sd * times);
     q->n = times + 2 * q->reach;
     q->g = malloc(sizeof *q->g * (size_t)q->n);
@@ -30,14 +32,17 @@ static int kernel_make(kernel *q, double sd, int times)
     return 0;
 }
 
-/* The chart of finer texels; returns how many times as many a side, or 0: more of them than a picture may have. */
+/* The chart of finer texels; returns how many times as many a side, or 0: more of them than a picture may
+ * have. */
 static int finer(chart *fine, const chart *out, double sd, errmsg *e)
 {
     const int k = (int)fmax(ceil(2 / sd), 1);
     const double w = (double)out->width * k, h = (double)out->height * k;
     if (w > IMG_MAX_SIDE || h > IMG_MAX_SIDE || w * h > (double)IMG_MAX_PIXELS) {
-        err_set(e, "--filter gaussian:%g: expected an output of which a picture of %d times finer texels can be made, found %d x %d", sd, k, out->width,
-                out->height);
+        err_set(e,
+                "--filter gaussian:%g: expected an output of which a picture of %d times finer texels can be "
+                "made, found %d x %d",
+                sd, k, out->width, out->height);
         return 0;
     }
     *fine = *out;
@@ -52,11 +57,12 @@ static int whole_turn(const chart *c)
 }
 
 /* One row of finer texels, summed for each column of the output.  angle: room for the row's solid angles. */
-static void along_row(float *sums, double *angle, const kernel *q, const chart *out, const float *rgb, const float *alpha, const chart *fine,
-                      int times, int y)
+static void along_row(float *sums, double *angle, const kernel *q, const chart *out, const float *rgb,
+                      const float *alpha, const chart *fine, int times, int y)
 {
     const int w = fine->width, wrap = whole_turn(fine);
-    for (int x = 0; x < w; x++) angle[x] = x && fine->kind == CHART_GRID ? angle[0] : chart_pixel_solid_angle(fine, x, y);
+    for (int x = 0; x < w; x++)
+        angle[x] = x && fine->kind == CHART_GRID ? angle[0] : chart_pixel_solid_angle(fine, x, y);
     for (int X = 0; X < out->width; X++) {
         double s[SUMS] = {0};
         for (int k = 0; k < q->n; k++) {
@@ -73,7 +79,8 @@ static void along_row(float *sums, double *angle, const kernel *q, const chart *
 }
 
 /* Add row y of sums at column X, times g; beyond a pole the row there that is as far, half a turn away. */
-static void add_row(double s[SUMS], const float *sums, const chart *out, const chart *fine, int X, int y, double g)
+static void add_row(double s[SUMS], const float *sums, const chart *out, const chart *fine, int X, int y,
+                    double g)
 {
     const int h = fine->height, w = out->width, over_top = y < 0, over_bottom = y >= h;
     int x[2] = {X, X};
@@ -81,14 +88,16 @@ static void add_row(double s[SUMS], const float *sums, const chart *out, const c
         if (!whole_turn(fine) || (over_bottom && fine->polar_max < M_PI * (1 - 1e-6))) return;
         y = over_top ? -1 - y : 2 * h - 1 - y;
         if (y < 0 || y >= h) return;
-        x[0] = (X + w / 2) % w, x[1] = (X + (w + 1) / 2) % w; /* of an odd number of columns two are as near */
+        x[0] = (X + w / 2) % w,
+        x[1] = (X + (w + 1) / 2) % w; /* of an odd number of columns two are as near */
     }
     for (int k = 0; k < 2; k++)
-        for (int c = 0; c < SUMS; c++) s[c] += 0.5 * g * (double)sums[((size_t)y * (size_t)w + (size_t)x[k]) * SUMS + (size_t)c];
+        for (int c = 0; c < SUMS; c++)
+            s[c] += 0.5 * g * (double)sums[((size_t)y * (size_t)w + (size_t)x[k]) * SUMS + (size_t)c];
 }
 
-static int gaussian(float *rgb, float *alpha, const chart *out, double sd, const float *fine_rgb, const float *fine_alpha, const chart *fine,
-                    int times, errmsg *e)
+static int gaussian(float *rgb, float *alpha, const chart *out, double sd, const float *fine_rgb,
+                    const float *fine_alpha, const chart *fine, int times, errmsg *e)
 {
     kernel q;
     const size_t w = (size_t)out->width, fine_w = (size_t)fine->width;
@@ -105,7 +114,9 @@ static int gaussian(float *rgb, float *alpha, const chart *out, double sd, const
 #pragma omp for schedule(static)
         for (int y = 0; y < fine->height; y++) {
             const size_t row = (size_t)y * fine_w;
-            if (angle) along_row(sums + (size_t)y * w * SUMS, angle, &q, out, fine_rgb + 3 * row, fine_alpha + row, fine, times, y);
+            if (angle)
+                along_row(sums + (size_t)y * w * SUMS, angle, &q, out, fine_rgb + 3 * row, fine_alpha + row,
+                          fine, times, y);
         }
         free(angle);
     }
@@ -124,7 +135,8 @@ static int gaussian(float *rgb, float *alpha, const chart *out, double sd, const
     return failed ? err_set(e, "out of memory") : 0;
 }
 
-int filter_texels(float *rgb, float *alpha, const chart *out, double sd, filter_areas *areas, void *arg, errmsg *e)
+int filter_texels(float *rgb, float *alpha, const chart *out, double sd, filter_areas *areas, void *arg,
+                  errmsg *e)
 {
     chart fine;
     if (!(sd > 0)) return areas(rgb, alpha, out, arg, e);
@@ -132,7 +144,8 @@ int filter_texels(float *rgb, float *alpha, const chart *out, double sd, filter_
     if (times < 1) return -1;
     const size_t n = (size_t)fine.width * (size_t)fine.height;
     float *fine_rgb = malloc(n * 3 * sizeof *fine_rgb), *fine_alpha = malloc(n * sizeof *fine_alpha);
-    int rc = fine_rgb && fine_alpha ? areas(fine_rgb, fine_alpha, &fine, arg, e) : err_set(e, "out of memory");
+    int rc =
+        fine_rgb && fine_alpha ? areas(fine_rgb, fine_alpha, &fine, arg, e) : err_set(e, "out of memory");
     if (!rc) rc = gaussian(rgb, alpha, out, sd, fine_rgb, fine_alpha, &fine, times, e);
     free(fine_rgb);
     free(fine_alpha);

@@ -1,14 +1,15 @@
 /*
  * fishremap - camera pictures to calibrated light probes.
  *
- * This file owns the messages; options.c and usage.c the command line; picture.c and spherearray.c do the two jobs.
+ * This file owns the messages; options.c and usage.c the command line; picture.c and spherearray.c do the two
+ * jobs.
  */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "options.h"
 #include "base/outfile.h"
+#include "options.h"
 
 /* OUT with its % replaced by the picture's name without folder and ending; malloc'd. */
 static char *name_for(const char *out, const char *in)
@@ -18,14 +19,17 @@ static char *name_for(const char *out, const char *in)
     const char *dot = strrchr(base, '.');
     int len = dot && dot > base ? (int)(dot - base) : (int)strlen(base);
     char *name;
-    if (asprintf(&name, "%.*s%.*s%s", (int)(mark - out), out, len, base, mark + 1) < 0) cli_fail(CLI_FAILED, "out of memory");
+    if (asprintf(&name, "%.*s%.*s%s", (int)(mark - out), out, len, base, mark + 1) < 0)
+        cli_fail(CLI_FAILED, "out of memory");
     return name;
 }
 
 static void tell(const outcome *o, const char *in, int several)
 {
     const char *of = several ? in : "", *sep = several ? ": " : "";
-    if (o->bad_pixels) cli_note("%s%s%lld pixels were not finite or masked and were left out", of, sep, (long long)o->bad_pixels);
+    if (o->bad_pixels)
+        cli_note("%s%s%lld pixels were not finite or masked and were left out", of, sep,
+                 (long long)o->bad_pixels);
     if (o->remark[0]) cli_note("%s%s%s", of, sep, o->remark);
 }
 
@@ -36,9 +40,10 @@ int main(int argc, char **argv)
     session shared = {0};
     int n = cli_parse(&prog, argc, argv);
     usage_check(&cfg, n);
-    if (cfg.out_w > IMG_MAX_SIDE || cfg.out_h > IMG_MAX_SIDE || (int64_t)cfg.out_w * cfg.out_h > IMG_MAX_PIXELS / 4)
-        cli_fail(CLI_FAILED, "--size: expected sides up to %d and up to %lld pixels, found %dx%d", IMG_MAX_SIDE, (long long)IMG_MAX_PIXELS / 4,
-                 cfg.out_w, cfg.out_h);
+    if (cfg.out_w > IMG_MAX_SIDE || cfg.out_h > IMG_MAX_SIDE ||
+        (int64_t)cfg.out_w * cfg.out_h > IMG_MAX_PIXELS / 4)
+        cli_fail(CLI_FAILED, "--size: expected sides up to %d and up to %lld pixels, found %dx%d",
+                 IMG_MAX_SIDE, (long long)IMG_MAX_PIXELS / 4, cfg.out_w, cfg.out_h);
     if (cfg.dry_run) {
         if (job_dry_run(&cfg, &e)) cli_fail(CLI_FAILED, "%s", e.text);
         return cli_end(CLI_OK);
@@ -52,7 +57,8 @@ int main(int argc, char **argv)
         cfg.in = argv[k];
         if (name) cfg.out = name;
         o.bad_pixels = 0, o.remark[0] = 0;
-        if (cfg.nu ? job_array(&o, &cfg, &e) : job_picture(&o, &shared, &cfg, &e)) cli_fail(CLI_FAILED, "%s", e.text);
+        if (cfg.nu ? job_array(&o, &cfg, &e) : job_picture(&o, &shared, &cfg, &e))
+            cli_fail(CLI_FAILED, "%s", e.text);
         tell(&o, cfg.in, n > 1);
         if (n > 1) cli_progress("pictures", k, n);
         free(name);

@@ -9,7 +9,8 @@
 #include <string.h>
 
 #define DEG (M_PI / 180)
-#define LEAST_STEP (0.999e-9 * DEG) /* of a table: below, slopes leave the range of numbers and no photograph tells */
+#define LEAST_STEP                                                                                           \
+    (0.999e-9 * DEG) /* of a table: below, slopes leave the range of numbers and no photograph tells */
 #define FLATTEST 1e-300
 #define STEEPEST 1e300
 
@@ -46,8 +47,9 @@ static int table_slopes(lens *l, errmsg *e)
         double h = l->tab_t[i + 1] - l->tab_t[i];
         d[i] = (l->tab_r[i + 1] - l->tab_r[i]) / h;
         if (!(h > LEAST_STEP) || !(d[i] > FLATTEST) || !(d[i] < STEEPEST))
-            return err_set(e, "lens table: expected angle and radius to grow, found %g deg r %g after %g deg r %g",
-                           l->tab_t[i + 1] / DEG, l->tab_r[i + 1], l->tab_t[i] / DEG, l->tab_r[i]);
+            return err_set(
+                e, "lens table: expected angle and radius to grow, found %g deg r %g after %g deg r %g",
+                l->tab_t[i + 1] / DEG, l->tab_r[i + 1], l->tab_t[i] / DEG, l->tab_r[i]);
     }
     for (int i = 1; i + 1 < n; i++) { /* weighted harmonic mean: never overshoots */
         double h0 = l->tab_t[i] - l->tab_t[i - 1], h1 = l->tab_t[i + 1] - l->tab_t[i];
@@ -152,10 +154,13 @@ static double end_of_growth(const lens *l, double half)
 static const struct {
     double most; /* degrees */
     const char *name;
-} reach[] = {[LENS_EQUIDISTANT] = {180, "equidistant"}, [LENS_EQUISOLID] = {180, "equisolid"},
-                 [LENS_STEREOGRAPHIC] = {179, "stereographic"}, [LENS_ORTHOGRAPHIC] = {90, "orthographic"},
-                 [LENS_POLYNOMIAL] = {180, "polynomial"}, [LENS_TABLE] = {180, "table"},
-                 [LENS_SPHERE] = {180, "sphere"}};
+} reach[] = {[LENS_EQUIDISTANT] = {180, "equidistant"},
+             [LENS_EQUISOLID] = {180, "equisolid"},
+             [LENS_STEREOGRAPHIC] = {179, "stereographic"},
+             [LENS_ORTHOGRAPHIC] = {90, "orthographic"},
+             [LENS_POLYNOMIAL] = {180, "polynomial"},
+             [LENS_TABLE] = {180, "table"},
+             [LENS_SPHERE] = {180, "sphere"}};
 
 void lens_camera(lens *l, double fx, double fy, double cx, double cy, double skew)
 {
@@ -182,20 +187,26 @@ int lens_finish(lens *l, double half, errmsg *e)
         if (table_slopes(l, e)) return -1;
         double last = l->tab_t[l->ntable - 1];
         if (l->tab_t[0] != 0 || l->tab_r[0] != 0)
-            return err_set(e, "lens table: expected radius 0 at 0 degrees, found %g at %g", l->tab_r[0], l->tab_t[0] / DEG);
+            return err_set(e, "lens table: expected radius 0 at 0 degrees, found %g at %g", l->tab_r[0],
+                           l->tab_t[0] / DEG);
         if (half > last * (1 + 1e-9))
-            return err_set(e, "lens table: expected angles up to %g degrees (half the field of view), found none beyond %g",
-                           half / DEG, last / DEG);
+            return err_set(
+                e,
+                "lens table: expected angles up to %g degrees (half the field of view), found none beyond %g",
+                half / DEG, last / DEG);
         half = fmin(half, last);
     }
     if (l->kind == LENS_POLYNOMIAL) {
         double end = end_of_growth(l, half);
         if (end < half)
-            return err_set(e, "lens polynomial: expected the radius to grow up to %g degrees, found that it stops growing at %.4g",
+            return err_set(e,
+                           "lens polynomial: expected the radius to grow up to %g degrees, found that it "
+                           "stops growing at %.4g",
                            half / DEG, end / DEG);
     }
     double r = model(&d, l, half);
-    if (!(r > FLATTEST && r < STEEPEST)) return err_set(e, "lens: expected a positive finite radius at %g degrees, found %g", half / DEG, r);
+    if (!(r > FLATTEST && r < STEEPEST))
+        return err_set(e, "lens: expected a positive finite radius at %g degrees, found %g", half / DEG, r);
     l->half = half;
     l->scale = 1 / r;
     return 0;
@@ -232,9 +243,9 @@ double lens_angle(const lens *l, double r)
     case LENS_SPHERE: return fmin(sphere_angle(&d, l, r), l->half);
     default: break;
     }
-    /* Newton, kept between bounds: where a step does not halve what is left of the radius (a curve that bends sharply can
-       send it to and fro for ever), the bounds are halved instead, so that one of the two shrinks each time; at the latest
-       until no number is between them */
+    /* Newton, kept between bounds: where a step does not halve what is left of the radius (a curve that bends
+       sharply can send it to and fro for ever), the bounds are halved instead, so that one of the two shrinks
+       each time; at the latest until no number is between them */
     double lo = 0, hi = l->half, t = r * l->half, best = t, least = INFINITY, last = INFINITY;
     for (;;) {
         const double f = lens_radius(&d, l, t) - r, next = t - f / d;

@@ -26,7 +26,7 @@
 
 #include "base/errmsg.h"
 
-#define LENS_MAX_COEF 16
+#define LENS_MAX_COEF  16
 #define LENS_MAX_TABLE 512
 
 typedef enum lens_kind {
@@ -44,16 +44,17 @@ typedef struct lens {
     double half;  /* half the field of view, radians; r(half) = 1 */
     double scale; /* r = scale * model; set by lens_finish */
     /* What the model is made of. */
-    int ncoef;                  /* polynomial: coef[k] multiplies theta^(k+1) */
+    int ncoef; /* polynomial: coef[k] multiplies theta^(k+1) */
     double coef[LENS_MAX_COEF];
-    int ntable;                 /* table: angles (radians) from 0, radii, end slopes */
+    int ntable; /* table: angles (radians) from 0, radii, end slopes */
     double tab_t[LENS_MAX_TABLE], tab_r[LENS_MAX_TABLE], tab_m[LENS_MAX_TABLE];
-    double distance;            /* sphere: camera distance in radii, 0 = infinite */
+    double distance; /* sphere: camera distance in radii, 0 = infinite */
     /* What a file may state besides (0 = not stated); pixels of the picture. */
     double focal_px, centre_px[2];
-    double size_px[2];     /* of the picture that focal_px and centre_px are for */
-    double tangential;     /* |(p1, p2)| of a pinhole camera whose terms were left out */
-    double shape[2][2]; /* (right, up) = radius shape (r cos psi, r sin psi): what makes the circle an ellipse; all 0: a circle */
+    double size_px[2];  /* of the picture that focal_px and centre_px are for */
+    double tangential;  /* |(p1, p2)| of a pinhole camera whose terms were left out */
+    double shape[2][2]; /* (right, up) = radius shape (r cos psi, r sin psi): what makes the circle an
+                           ellipse; all 0: a circle */
 } lens;
 
 /* Kind from its name; -1 when it is none of the four that need no coefficients. */
@@ -67,7 +68,8 @@ int lens_finish(lens *l, double half, errmsg *e);
 /* A camera matrix, OpenCV's: (0,0) in the middle of the first pixel. */
 void lens_camera(lens *l, double fx, double fy, double cx, double cy, double skew);
 
-/* The widest half angle of an unfinished model, radians: where a polynomial stops growing, a table ends, a projection must. */
+/* The widest half angle of an unfinished model, radians: where a polynomial stops growing, a table ends, a
+ * projection must. */
 double lens_end(const lens *l);
 
 /* A ready mirror sphere; distance in radii (> 1), or 0 for infinitely far. */
@@ -77,8 +79,8 @@ int lens_sphere(lens *l, double distance, errmsg *e);
  * clamped to [0, half].  drdt may be NULL. */
 double lens_radius(double *drdt, const lens *l, double theta);
 
-/* The inverse, r clamped to [0, 1], to rounding (of r, or of the angle where the curve is steep): Newton steps, and
- * halved bounds wherever a step gains less than half. */
+/* The inverse, r clamped to [0, 1], to rounding (of r, or of the angle where the curve is steep): Newton
+ * steps, and halved bounds wherever a step gains less than half. */
 double lens_angle(const lens *l, double r);
 
 /* Solid angle per area of picture (radius 1) at radius r: sin(theta) / (r dr/dtheta). */

@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "calibration.h"
 #include "base/textfile.h"
+#include "calibration.h"
 
 #define DEG (M_PI / 180)
 
@@ -184,8 +184,7 @@ static int read_file(lens *l, double *fov_deg, char said[512], const char *spec,
     errmsg why;
     if (!path) return err_set(e, "out of memory");
     int rc = text_read(&text, path, &why);
-    if (!rc)
-        at = NULL; /* part of the name */
+    if (!rc) at = NULL; /* part of the name */
     else if (at) {
         *at++ = 0;
         rc = text_read(&text, path, &why);
@@ -196,12 +195,9 @@ static int read_file(lens *l, double *fov_deg, char said[512], const char *spec,
             e, "lens: expected equidistant, equisolid, stereographic, orthographic or a file, found %s",
             why.text);
     }
-    if (calibration_is_ocam(text))
-        rc = calibration_ocam(l, text, path, e);
-    else if (calibration_is_tree(text))
-        rc = calibration_tree(l, said, text, path, at, e);
-    else
-        rc = parse(l, fov_deg, text, path, e);
+    if (calibration_is_ocam(text)) rc = calibration_ocam(l, text, path, e);
+    else if (calibration_is_tree(text)) rc = calibration_tree(l, said, text, path, at, e);
+    else rc = parse(l, fov_deg, text, path, e);
     free(text);
     free(path);
     return rc;
@@ -214,10 +210,8 @@ int lens_read_for(lens *l, char said[512], const char *spec, const lens_use *use
     memset(&t, 0, sizeof t);
     said[0] = 0;
     int k = lens_kind_by_name(spec);
-    if (k >= 0)
-        t.kind = (lens_kind)k;
-    else if (read_file(&t, &fov_deg, said, spec, e))
-        return -1;
+    if (k >= 0) t.kind = (lens_kind)k;
+    else if (read_file(&t, &fov_deg, said, spec, e)) return -1;
     if (t.focal_px > 0 && use->width > 0) {
         if (fit_to_picture(&t, said, spec, use, e)) return -1;
     }

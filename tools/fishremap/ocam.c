@@ -13,8 +13,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "calibration.h"
 #include "base/textfile.h"
+#include "calibration.h"
 
 #define STEPS 8192
 

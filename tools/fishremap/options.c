@@ -12,8 +12,9 @@
 #include "filter.h"
 #include "options.h"
 
-#define FARTHEST 1e9 /* pixels: far beyond any picture, and far from where doubles lose a pixel's fractions  \
-                      */
+#define FARTHEST                                                                                             \
+    1e9 /* pixels: far beyond any picture, and far from where doubles lose a pixel's fractions               \
+         */
 #define TURNS 36000.
 
 static int within(const double *v, int n, double most)

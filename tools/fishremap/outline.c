@@ -12,33 +12,36 @@
 #include <string.h>
 
 #define FLATNESS 0.02 /* source pixels */
-/* In a grid's rows next to a pole, where a straight edge of the sphere is bent most and all pixels of a row lie within one texel: a chord's
- * sagitta there is light of a whole row. */
-#define POLAR 8 /* rows */
-#define FLAT_POLAR 0.002
+/* In a grid's rows next to a pole, where a straight edge of the sphere is bent most and all pixels of a row
+ * lie within one texel: a chord's sagitta there is light of a whole row. */
+#define POLAR       8 /* rows */
+#define FLAT_POLAR  0.002
 #define SHORT_POLAR 0.25
-#define MAX_DEPTH 10
-#define WIDEST (5 * M_PI / 180) /* of longitude that one chord spans, however small the texel: .13 % of the area about a pole */
+#define MAX_DEPTH   10
+#define WIDEST                                                                                               \
+    (5 * M_PI /                                                                                              \
+     180) /* of longitude that one chord spans, however small the texel: .13 % of the area about a pole */
 
 typedef struct line {
-    double *xy;   /* points, corners and what refines the edges between them */
+    double *xy; /* points, corners and what refines the edges between them */
     int n, room;
     int *start;   /* corner k is point start[k] */
     char *inside; /* corner k lies within the source's field */
-    char *meets;  /* the edge that ends at corner k (a side: the one at k) has a point within it between its ends */
+    char *meets;  /* the edge that ends at corner k (a side: the one at k) has a point within it between its
+                     ends */
 } line;
 
 struct outliner {
     const chart *dst, *src;
     int sense;
-    double period;       /* of x in the source; 0 for a disc */
+    double period;        /* of x in the source; 0 for a disc */
     int concentric, fine; /* fine: pieces per edge in the table below */
-    double *circle;      /* concentric: unit vectors, width*fine + 1 */
+    double *circle;       /* concentric: unit vectors, width*fine + 1 */
     line top, bottom, side;
-    double widest;       /* columns that one chord may span */
-    int axis[2];         /* texel that holds the source's axis */
-    int met;             /* a point that refine() tried lay within the field */
-    int ready;           /* row, or -1 */
+    double widest; /* columns that one chord may span */
+    int axis[2];   /* texel that holds the source's axis */
+    int met;       /* a point that refine() tried lay within the field */
+    int ready;     /* row, or -1 */
     double *poly;
     int npoly, poly_room;
 };
@@ -58,7 +61,8 @@ static int push(line *l, const double p[2])
 
 static double det3(const double m[3][3])
 {
-    return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+    return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+           m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
            m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
 }
 
@@ -106,7 +110,9 @@ outliner *outliner_new(const chart *dst, const chart *src)
     }
     if (o->concentric) {
         double step = dst->lon_span / dst->width;
-        o->fine = chords(src->radius * fmax(hypot(src->shape[0][0], src->shape[1][0]), hypot(src->shape[0][1], src->shape[1][1])), step);
+        o->fine = chords(src->radius * fmax(hypot(src->shape[0][0], src->shape[1][0]),
+                                            hypot(src->shape[0][1], src->shape[1][1])),
+                         step);
         size_t n = (size_t)dst->width * (size_t)o->fine + 1;
         o->circle = malloc(2 * n * sizeof(double));
         if (!o->circle) goto fail;
@@ -158,7 +164,8 @@ static int refine(outliner *o, line *l, const double a[2], const double pa[2], c
 {
     double dx = near(o, pb[0] - pa[0]), dy = pb[1] - pa[1];
     int wide = fabs(b[0] - a[0]) > o->widest;
-    const int polar = o->period > 0 && (fmin(pa[1], pb[1]) < POLAR || fmax(pa[1], pb[1]) > o->src->height - POLAR);
+    const int polar =
+        o->period > 0 && (fmin(pa[1], pb[1]) < POLAR || fmax(pa[1], pb[1]) > o->src->height - POLAR);
     const double flat = polar ? FLAT_POLAR : FLATNESS;
     if ((dx * dx + dy * dy < (polar ? SHORT_POLAR * SHORT_POLAR : 1) && !wide) || depth == 0) return 0;
     double m[2] = {0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])}, pm[2];
@@ -211,7 +218,8 @@ static int make_sides(outliner *o, int y)
         if (o->concentric) continue;
         const double a[2] = {x, y}, b[2] = {x, y + 1};
         o->met = 0;
-        if (refine(o, l, a, o->top.xy + 2 * o->top.start[x], b, o->bottom.xy + 2 * o->bottom.start[x], MAX_DEPTH))
+        if (refine(o, l, a, o->top.xy + 2 * o->top.start[x], b, o->bottom.xy + 2 * o->bottom.start[x],
+                   MAX_DEPTH))
             return -1;
         l->meets[x] = (char)o->met;
     }
@@ -276,15 +284,17 @@ int outliner_sense(const outliner *o)
     return o->sense;
 }
 
-/* Does the source's field reach into texel x?  A corner may lie in it, an edge may cross it, or the texel may hold all of it. */
+/* Does the source's field reach into texel x?  A corner may lie in it, an edge may cross it, or the texel may
+ * hold all of it. */
 static int reaches(const outliner *o, int x)
 {
     const line *t = &o->top, *b = &o->bottom, *s = &o->side;
-    return t->inside[x] | t->inside[x + 1] | b->inside[x] | b->inside[x + 1] | t->meets[x + 1] | b->meets[x + 1] | s->meets[x] |
-           s->meets[x + 1] | (x == o->axis[0] && o->ready == o->axis[1]);
+    return t->inside[x] | t->inside[x + 1] | b->inside[x] | b->inside[x + 1] | t->meets[x + 1] |
+           b->meets[x + 1] | s->meets[x] | s->meets[x + 1] | (x == o->axis[0] && o->ready == o->axis[1]);
 }
 
-/* The period in which the contour lies in the picture, as far as it does: a picture of part of the longitudes has one such. */
+/* The period in which the contour lies in the picture, as far as it does: a picture of part of the longitudes
+ * has one such. */
 static void into_the_picture(outliner *o)
 {
     double lo = INFINITY, hi = -INFINITY;

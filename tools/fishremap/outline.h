@@ -22,8 +22,9 @@ int outliner_row(outliner *o, int y);
 int outliner_sense(const outliner *o);
 
 /* Outline of texel x of the ready row: *n points in *xy, owned by the outliner, good until the
- * next call.  1: a closed contour; in a longitude grid x is continuous, may leave the picture, and is the period whose
- * middle is nearest to the picture's.  0: the texel lies outside the source's field.  -1: no memory. */
+ * next call.  1: a closed contour; in a longitude grid x is continuous, may leave the picture, and is the
+ * period whose middle is nearest to the picture's.  0: the texel lies outside the source's field.  -1: no
+ * memory. */
 int outliner_texel(const double **xy, int *n, outliner *o, int x);
 
 #endif

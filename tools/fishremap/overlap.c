@@ -17,7 +17,7 @@
 #include <string.h>
 
 typedef struct piece_sum {
-    double area, mx, my; /* this pixel */
+    double area, mx, my;   /* this pixel */
     double cover, cover_y; /* to every pixel further right: area, moment */
 } piece_sum;
 

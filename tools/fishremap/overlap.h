@@ -32,8 +32,8 @@ int overlap_begin(overlap *o, int x0, int y0, int x1, int y1);
 /* Add a closed contour: n points xy[2*i], xy[2*i+1]; the last joins the first. */
 void overlap_contour(overlap *o, const double *xy, int n);
 
-/* Those pixels of row y that the polygon may reach: from *from up to what is returned, exclusive; out holds no more than
- * x1 - x0.  All rows, each once, before the next overlap_begin. */
+/* Those pixels of row y that the polygon may reach: from *from up to what is returned, exclusive; out holds
+ * no more than x1 - x0.  All rows, each once, before the next overlap_begin. */
 int overlap_row(overlap_cell *out, int *from, overlap *o, int y);
 
 #endif

@@ -54,8 +54,8 @@ static int fold_mask(img *im, const char *path, errmsg *e)
     if (m.info.width != im->info.width || m.info.height != im->info.height) {
         int w = m.info.width, h = m.info.height;
         img_free(&m);
-        return err_set(e, "%s: expected a mask of %d x %d pixels, as the picture, found %d x %d", path, im->info.width,
-                       im->info.height, w, h);
+        return err_set(e, "%s: expected a mask of %d x %d pixels, as the picture, found %d x %d", path,
+                       im->info.width, im->info.height, w, h);
     }
     float level = (float)(m.info.coded ? m.info.max_code / 2 : 0.5);
     size_t n = (size_t)m.info.width * (size_t)m.info.height;
@@ -100,8 +100,10 @@ int input_load(img *im, int *all_good, const settings *s, errmsg *e)
     return 0;
 }
 
-/* A disc's place in the picture: given, from the lens file's camera, found (then *how says how well), or the largest that fits. */
-static int place_disc(double *cx, double *cy, double *r, circle_found *how, const settings *s, const lens *l, const img *im, errmsg *e)
+/* A disc's place in the picture: given, from the lens file's camera, found (then *how says how well), or the
+ * largest that fits. */
+static int place_disc(double *cx, double *cy, double *r, circle_found *how, const settings *s, const lens *l,
+                      const img *im, errmsg *e)
 {
     int w = im->info.width, h = im->info.height;
     *cx = s->have_centre ? s->centre[0] : l->focal_px > 0 ? l->centre_px[0] : w / 2.;
@@ -111,19 +113,23 @@ static int place_disc(double *cx, double *cy, double *r, circle_found *how, cons
         circle_found f;
         double known = s->radius > 0 || l->focal_px > 0 ? *r : 0;
         errmsg why;
-        if (circle_find(&f, im->pix, w, h, s->from == VIEW_BALL ? CIRCLE_BALL : CIRCLE_LENS, known, &why)) return err_set(e, "%s: %s", s->in, why.text);
+        if (circle_find(&f, im->pix, w, h, s->from == VIEW_BALL ? CIRCLE_BALL : CIRCLE_LENS, known, &why))
+            return err_set(e, "%s: %s", s->in, why.text);
         *how = f;
         *cx = f.x, *cy = f.y;
         if (known == 0) *r = f.r;
     }
     double dx = fmax(fmax(-*cx, *cx - w), 0), dy = fmax(fmax(-*cy, *cy - h), 0);
     if (hypot(dx, dy) >= *r)
-        return err_set(e, "%s: expected the image circle to reach into the picture (%d x %d), found centre %g,%g radius %g",
-                       s->in, w, h, *cx, *cy, *r);
+        return err_set(
+            e,
+            "%s: expected the image circle to reach into the picture (%d x %d), found centre %g,%g radius %g",
+            s->in, w, h, *cx, *cy, *r);
     return 0;
 }
 
-static int make_disc(chart *c, outcome *o, const settings *s, view_kind kind, const img *im, int w, int h, errmsg *e)
+static int make_disc(chart *c, outcome *o, const settings *s, view_kind kind, const img *im, int w, int h,
+                     errmsg *e)
 {
     lens l;
     char said[512] = "";
@@ -136,9 +142,15 @@ static int make_disc(chart *c, outcome *o, const settings *s, view_kind kind, co
         l.kind = LENS_EQUIDISTANT;
         if (lens_finish(&l, M_PI, e)) return -1;
     } else {
-        const lens_use use = {.fov_deg = s->fov_deg, .width = w, .height = h, .placed = im && s->radius > 0, .centre = im && s->have_centre ? s->centre : NULL};
+        const lens_use use = {.fov_deg = s->fov_deg,
+                              .width = w,
+                              .height = h,
+                              .placed = im && s->radius > 0,
+                              .centre = im && s->have_centre ? s->centre : NULL};
         if (lens_read_for(&l, said, s->lens, &use, e)) return -1;
-        if (!im && l.focal_px > 0) cx = l.centre_px[0], cy = l.centre_px[1], r = l.focal_px / l.scale; /* the camera's picture, as it takes it */
+        if (!im && l.focal_px > 0)
+            cx = l.centre_px[0], cy = l.centre_px[1],
+            r = l.focal_px / l.scale; /* the camera's picture, as it takes it */
         if (said[0] && !strstr(o->remark, said)) outcome_note(o, "%s", said);
     }
     if (im && place_disc(&cx, &cy, &r, &o->circle, s, &l, im, e)) return -1;
@@ -157,11 +169,12 @@ static int is_disc(view_kind kind)
     return kind == VIEW_FISHEYE || kind == VIEW_BALL || kind == VIEW_ANGULAR;
 }
 
-/* The chart of the input im, or of the output (im NULL).  The camera's turn is IN's, but where a camera's view is made of
- * a probe or a panorama it is that camera's: so the same options lead there and back. */
+/* The chart of the input im, or of the output (im NULL).  The camera's turn is IN's, but where a camera's
+ * view is made of a probe or a panorama it is that camera's: so the same options lead there and back. */
 static int make_chart(chart *c, outcome *o, const settings *s, view_kind kind, const img *im, errmsg *e)
 {
-    int w = im ? im->info.width : s->out_w, h = im ? im->info.height : s->out_h, out_turns = is_disc(s->to) && !is_disc(s->from);
+    int w = im ? im->info.width : s->out_w, h = im ? im->info.height : s->out_h,
+        out_turns = is_disc(s->to) && !is_disc(s->from);
     switch (kind) {
     case VIEW_PROBE: chart_probe(c, w, h, (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG); break;
     case VIEW_LATLONG: chart_latlong(c, w, h, s->span_deg * DEG); break;
@@ -180,7 +193,8 @@ void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode)
         for (int y = 0; y < h; y++) {
             size_t at = (size_t)y * (size_t)w + (size_t)x;
             if (alpha[at] > 0) last = y;
-            else if (last >= 0) memcpy(rgb + 3 * at, rgb + 3 * ((size_t)last * (size_t)w + (size_t)x), 3 * sizeof(float));
+            else if (last >= 0)
+                memcpy(rgb + 3 * at, rgb + 3 * ((size_t)last * (size_t)w + (size_t)x), 3 * sizeof(float));
         }
         for (int y = h - 1, next = -1; y >= 0; y--) {
             size_t at = (size_t)y * (size_t)w + (size_t)x;
@@ -191,7 +205,8 @@ void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode)
     }
 }
 
-int result_write(const settings *s, const float *rgb, const float *alpha, int partial, const char *view, errmsg *e)
+int result_write(const settings *s, const float *rgb, const float *alpha, int partial, const char *view,
+                 errmsg *e)
 {
     img im;
     int ch = partial && s->outside == OUTSIDE_ALPHA ? 4 : 3;
@@ -201,12 +216,17 @@ int result_write(const settings *s, const float *rgb, const float *alpha, int pa
         memcpy(im.pix + i * (size_t)ch, rgb + 3 * i, 3 * sizeof(float));
         if (ch == 4) im.pix[4 * i + 3] = alpha[i];
     }
-    static const char *const names[] = {[VIEW_FISHEYE] = "fisheye", [VIEW_BALL] = "ball", [VIEW_PROBE] = "probe",
-                                        [VIEW_LATLONG] = "latlong", [VIEW_ANGULAR] = "angular"};
+    static const char *const names[] = {[VIEW_FISHEYE] = "fisheye",
+                                        [VIEW_BALL] = "ball",
+                                        [VIEW_PROBE] = "probe",
+                                        [VIEW_LATLONG] = "latlong",
+                                        [VIEW_ANGULAR] = "angular"};
     img_attr attrs[3] = {{.name = "ilf:chart", .kind = IMG_ATTR_STRING, .s = names[s->to]}};
-    img_write_opts opts = {.type = IMG_FLOAT, .compression = s->compression, .comment = s->command, .attrs = attrs, .nattrs = 1};
+    img_write_opts opts = {
+        .type = IMG_FLOAT, .compression = s->compression, .comment = s->command, .attrs = attrs, .nattrs = 1};
     if (s->to == VIEW_PROBE)
-        attrs[opts.nattrs++] = (img_attr){.name = "ilf:polarMax", .kind = IMG_ATTR_FLOAT,
+        attrs[opts.nattrs++] = (img_attr){.name = "ilf:polarMax",
+                                          .kind = IMG_ATTR_FLOAT,
                                           .v = {(s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG}};
     if (view) attrs[opts.nattrs++] = (img_attr){.name = "VIEW", .kind = IMG_ATTR_STRING, .s = view};
     if (s->half_float == 1) opts.type = IMG_HALF;
@@ -223,7 +243,8 @@ void hide_camera(float *pix, int *all_good, const chart *c, double angle)
     double r = c->radius * lens_radius(NULL, &c->lens, angle);
     for (int y = 0; y < c->height; y++)
         for (int x = 0; x < c->width; x++)
-            if (hypot(x + 0.5 - c->cx, y + 0.5 - c->cy) < r) pix[4 * ((size_t)y * (size_t)c->width + (size_t)x) + 3] = 0;
+            if (hypot(x + 0.5 - c->cx, y + 0.5 - c->cy) < r)
+                pix[4 * ((size_t)y * (size_t)c->width + (size_t)x) + 3] = 0;
 }
 
 void session_free(session *w)
@@ -247,7 +268,8 @@ static int remap_areas(float *rgb, float *alpha, const chart *dst, void *arg, er
     session *w = j->w;
     int rc = 0, shared = w && w->several && !j->ready->bad && j->src->width < 65536 && j->src->height < 65536;
     double t0 = cpu_seconds();
-    if (shared && !(w->plan && memcmp(&w->src, j->src, sizeof *j->src) == 0 && memcmp(&w->dst, dst, sizeof *dst) == 0)) {
+    if (shared && !(w->plan && memcmp(&w->src, j->src, sizeof *j->src) == 0 &&
+                    memcmp(&w->dst, dst, sizeof *dst) == 0)) {
         session_free(w);
         rc = remap_plan_new(&w->plan, dst, j->src, e);
         w->src = *j->src, w->dst = *dst;
@@ -258,8 +280,8 @@ static int remap_areas(float *rgb, float *alpha, const chart *dst, void *arg, er
     return rc;
 }
 
-int remap_picture(float *rgb, float *alpha, outcome *o, session *w, const settings *s, img *im, int all_good, const chart *src,
-                         const chart *dst, errmsg *e)
+int remap_picture(float *rgb, float *alpha, outcome *o, session *w, const settings *s, img *im, int all_good,
+                  const chart *src, const chart *dst, errmsg *e)
 {
     remap_source ready;
     double t0 = cpu_seconds(), plan = o->cpu_plan_s;
@@ -315,7 +337,8 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
         int failed = !f || falloff_read(f, s->falloff, src.lens.half, s->falloff_set, fn, e);
         if (!failed) falloff_apply(im.pix, 4, &src, f);
         if (!failed && f->chosen[0])
-            outcome_note(o, "%s: took the set %s; choose with --aperture or --falloff-set", s->falloff, f->chosen);
+            outcome_note(o, "%s: took the set %s; choose with --aperture or --falloff-set", s->falloff,
+                         f->chosen);
         free(f);
         if (failed) goto done;
     }
@@ -329,7 +352,8 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
     o->cx = src.cx, o->cy = src.cy, o->radius = src.radius;
     if (remap_picture(rgb, alpha, o, w, s, &im, all_good, &src, &dst, e)) goto done;
     if (s->second && second_add(rgb, alpha, o, s, &src, &dst, e)) goto done;
-    for (size_t i = 0; s->from == VIEW_BALL && i < 3 * n; i++) rgb[i] = (float)(rgb[i] / s->reflectance[i % 3]);
+    for (size_t i = 0; s->from == VIEW_BALL && i < 3 * n; i++)
+        rgb[i] = (float)(rgb[i] / s->reflectance[i % 3]);
     o->covered = coverage(&partial, alpha, &dst);
     if (o->covered == 0) {
         err_set(e, "%s: expected some of the picture to fall into the output, found none", s->in);
@@ -337,9 +361,11 @@ int job_picture(outcome *o, session *w, const settings *s, errmsg *e)
     }
     outside_fill(rgb, alpha, s->out_w, s->out_h, s->outside);
     const int hdr = is_hdr(s->out), named = hdr && radiance_view(view, sizeof view, &dst, s->to) == 0;
-    if (hdr && is_disc(s->to) && !named) outcome_note(o, "%s: Radiance has no name for this view, so there is no VIEW line", s->out);
+    if (hdr && is_disc(s->to) && !named)
+        outcome_note(o, "%s: Radiance has no name for this view, so there is no VIEW line", s->out);
     if (hdr && o->covered < 0.9995 && s->outside != OUTSIDE_HOLD)
-        outcome_note(o, "%s: %.1f %% of what it shows is not in IN, and black: no alpha channel in .hdr", s->out, 100 * (1 - o->covered));
+        outcome_note(o, "%s: %.1f %% of what it shows is not in IN, and black: no alpha channel in .hdr",
+                     s->out, 100 * (1 - o->covered));
     rc = result_write(s, rgb, alpha, partial, named ? view : NULL, e);
 done:
     free(rgb);

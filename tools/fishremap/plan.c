@@ -2,9 +2,9 @@
  * plan.c - weights made once, for any number of pictures (remap.h).
  *
  * Kept per band of destination rows, in the order of the source's pixels: a picture is then read once from
- * top to bottom, and what a pixel gives goes to the band's texels, which stay in the cache.  A pixel that no outline cuts gives
- * its mean, whatever its slopes: runs of such pixels are a plain sum of products.  Slopes are made, as they are met, for those alone
- * that are cut:
+ * top to bottom, and what a pixel gives goes to the band's texels, which stay in the cache.  A pixel that no
+ * outline cuts gives its mean, whatever its slopes: runs of such pixels are a plain sum of products.  Slopes
+ * are made, as they are met, for those alone that are cut:
  *
  *      . . . . / . . .     of a large texel's pixels nearly all are whole;
  *      . . . / . . . .     those under the line give to both texels
@@ -28,7 +28,8 @@ typedef struct giver {
 } giver;
 
 typedef struct run {
-    uint32_t px, n, texel; /* pixels px, px + 1, ... that lie within one texel; n is a multiple of 4, weights beyond them are 0 */
+    uint32_t px, n, texel; /* pixels px, px + 1, ... that lie within one texel; n is a multiple of 4, weights
+                              beyond them are 0 */
 } run;
 
 typedef struct band {
@@ -67,7 +68,8 @@ static int gather_row(gather *a, const row *r, int width, uint32_t first)
 {
     if (a->n + r->n > a->room) {
         a->room = 2 * (a->n + r->n);
-        void *t = realloc(a->texel, a->room * sizeof *a->texel), *e = t ? realloc(a->e, a->room * sizeof *a->e) : NULL;
+        void *t = realloc(a->texel, a->room * sizeof *a->texel),
+             *e = t ? realloc(a->e, a->room * sizeof *a->e) : NULL;
         if (t) a->texel = t;
         if (!e) return -1;
         a->e = e;
@@ -96,7 +98,9 @@ static int put_in_order(band *b, gather *a, const chart *src)
     for (size_t k = 0; k < npx; k++) {
         uint32_t here = a->count[k + 1];
         a->count[k + 1] += a->count[k];
-        if (here) b->g[g++] = (giver){(uint16_t)(k % (size_t)src->width), (uint16_t)(k / (size_t)src->width), a->count[k + 1]};
+        if (here)
+            b->g[g++] = (giver){(uint16_t)(k % (size_t)src->width), (uint16_t)(k / (size_t)src->width),
+                                a->count[k + 1]};
     }
     for (size_t i = 0; i < a->n; i++) {
         const entry *e = a->e + i;
@@ -105,12 +109,14 @@ static int put_in_order(band *b, gather *a, const chart *src)
     return 0;
 }
 
-/* Fill the last run up to a multiple of 4 with weights of 0: behind it, or before it where the picture ends. */
+/* Fill the last run up to a multiple of 4 with weights of 0: behind it, or before it where the picture ends.
+ */
 static void end_run(band *b, size_t npx)
 {
     run *r = b->nr ? b->r + b->nr - 1 : NULL;
     if (!r || r->n % 4 == 0) return;
-    uint32_t n = r->n, all = (n + 3) & ~3u, first = r->px + all > npx ? (uint32_t)npx - all : r->px, lead = r->px - first;
+    uint32_t n = r->n, all = (n + 3) & ~3u, first = r->px + all > npx ? (uint32_t)npx - all : r->px,
+             lead = r->px - first;
     float *w = b->w + b->nw - n;
     memmove(w + lead, w, n * sizeof *w);
     memset(w, 0, lead * sizeof *w);
@@ -171,7 +177,8 @@ static int band_make(band *b, gather *a, row *r, bench *t, const geometry *g, in
         if (row_make(r, t, g, y) || gather_row(a, r, w, (uint32_t)(y - from) * (uint32_t)w)) return -1;
         memcpy(b->alpha + (size_t)(y - from) * (size_t)w, r->alpha, sizeof(float) * (size_t)w);
     }
-    return put_in_order(b, a, g->src) || find_runs(b, (size_t)g->src->width * (size_t)g->src->height, (size_t)g->src->width)
+    return put_in_order(b, a, g->src) ||
+                   find_runs(b, (size_t)g->src->width * (size_t)g->src->height, (size_t)g->src->width)
                ? -1
                : 0;
 }
@@ -180,7 +187,9 @@ int remap_plan_new(remap_plan **plan, const chart *dst, const chart *src, errmsg
 {
     geometry g;
     if (src->width > 65535 || src->height > 65535)
-        return err_set(e, "expected pictures of less than 65536 pixels a side to share weights, found %d x %d", src->width, src->height);
+        return err_set(e,
+                       "expected pictures of less than 65536 pixels a side to share weights, found %d x %d",
+                       src->width, src->height);
     remap_plan *p = calloc(1, sizeof *p);
     int failed = 0, h = dst->height, n = (h + ROWS - 1) / ROWS;
     if (!p || !(p->bands = calloc((size_t)n, sizeof *p->bands))) {
@@ -203,7 +212,9 @@ int remap_plan_new(remap_plan **plan, const chart *dst, const chart *src, errmsg
         failed |= !a.count;
 #pragma omp for schedule(dynamic)
         for (int k = 0; k < n; k++)
-            if (!failed && band_make(p->bands + k, &a, &r, &t, &g, k * ROWS, k * ROWS + ROWS < h ? k * ROWS + ROWS : h)) failed = 1;
+            if (!failed &&
+                band_make(p->bands + k, &a, &r, &t, &g, k * ROWS, k * ROWS + ROWS < h ? k * ROWS + ROWS : h))
+                failed = 1;
         gather_free(&a);
         bench_free(&t);
         row_free(&r);
@@ -238,8 +249,10 @@ int64_t remap_plan_size(const remap_plan *p)
     return n;
 }
 
-/* What the whole pixels give, run by run from *k on as long as a run begins before pixel `until`; *w goes along. */
-static void give_runs(slope_v4 *sum, size_t *k, const float **w, const band *b, const slope_v4 *pix, size_t until)
+/* What the whole pixels give, run by run from *k on as long as a run begins before pixel `until`; *w goes
+ * along. */
+static void give_runs(slope_v4 *sum, size_t *k, const float **w, const band *b, const slope_v4 *pix,
+                      size_t until)
 {
     const float *q = *w;
     size_t j = *k;
@@ -247,15 +260,17 @@ static void give_runs(slope_v4 *sum, size_t *k, const float **w, const band *b, 
         const slope_v4 *v = pix + b->r[j].px;
         uint32_t n = b->r[j].n;
         slope_v4 s0 = {0}, s1 = {0}, s2 = {0}, s3 = {0};
-        for (uint32_t i = 0; i < n; i += 4) s0 += q[i] * v[i], s1 += q[i + 1] * v[i + 1], s2 += q[i + 2] * v[i + 2], s3 += q[i + 3] * v[i + 3];
+        for (uint32_t i = 0; i < n; i += 4)
+            s0 += q[i] * v[i], s1 += q[i + 1] * v[i + 1], s2 += q[i + 2] * v[i + 2],
+                s3 += q[i + 3] * v[i + 3];
         sum[b->r[j].texel] += (s0 + s1) + (s2 + s3);
         q += n;
     }
     *k = j, *w = q;
 }
 
-/* All that a band's pixels give.  sum: the band's texels, 4 floats each.  Whole pixels go first, a row ahead of those that are cut, which
- * then find their neighbours in the cache. */
+/* All that a band's pixels give.  sum: the band's texels, 4 floats each.  Whole pixels go first, a row ahead
+ * of those that are cut, which then find their neighbours in the cache. */
 static void give(slope_v4 *sum, const band *b, const remap_source *s, int wrap)
 {
     enum { AHEAD = 64 }; /* pieces; they are read once, and there are more of them than pixels */
@@ -272,7 +287,8 @@ static void give(slope_v4 *sum, const band *b, const remap_source *s, int wrap)
         slope_at(&gx, &gy, s, x, y, wrap, 1);
         __builtin_prefetch(p + AHEAD);
         __builtin_prefetch(p + AHEAD + 4); /* the next cache line */
-        for (const piece *end = b->p + b->g[k].end; p < end; p++) sum[p->texel] += p->w * v + p->wx * gx + p->wy * gy;
+        for (const piece *end = b->p + b->g[k].end; p < end; p++)
+            sum[p->texel] += p->w * v + p->wx * gx + p->wy * gy;
     }
     give_runs(sum, &done, &weight, b, pix, SIZE_MAX);
 }

@@ -7,10 +7,13 @@
 
 #include "weights.h"
 
-/* One row of texels.  A pixel that lies wholly within a texel gives its mean, whatever its slopes: those are made for the rest alone. */
+/* One row of texels.  A pixel that lies wholly within a texel gives its mean, whatever its slopes: those are
+ * made for the rest alone. */
 static void row_apply(float *rgb, float *alpha, const row *r, int width, const remap_source *s, int wrap)
 {
-    enum { AHEAD = 32 }; /* pixels; a texel's lie in short stretches of many lines, which no processor foresees */
+    enum {
+        AHEAD = 32
+    }; /* pixels; a texel's lie in short stretches of many lines, which no processor foresees */
     const slope_v4 *pix = (const slope_v4 *)s->pix;
     const uint32_t w = (uint32_t)s->width;
     uint32_t line = 0; /* the first pixel of the line of the picture that is at hand, and its number */
@@ -44,7 +47,8 @@ static void row_apply(float *rgb, float *alpha, const row *r, int width, const r
 int remap_run(float *rgb, float *alpha, const chart *dst, const chart *src, const remap_source *s, errmsg *e)
 {
     geometry g;
-    int failed = 0, h = dst->height, w = dst->width, wrap = src->kind == CHART_GRID && src->lon_span > 2 * M_PI * (1 - 1e-12);
+    int failed = 0, h = dst->height, w = dst->width,
+        wrap = src->kind == CHART_GRID && src->lon_span > 2 * M_PI * (1 - 1e-12);
     if (geometry_init(&g, dst, src, s->bad, e)) return -1;
 #pragma omp parallel reduction(| : failed)
     {

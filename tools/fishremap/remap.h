@@ -5,8 +5,8 @@
  * the texel's outline is carried into the source picture as a polygon, its exact overlap
  * with every source pixel (overlap.h) weighted with the pixel's solid angle per area (Jacobian
  * of the lens).  Inside a source pixel radiance is a plane, L + g.(x - centre), with a
- * limited slope g that does not change the pixel's mean nor, along x or y, leave the range of its neighbours; in a corner it may,
- * but never below 0 (slope.h).  So lamps keep their energy at any size.
+ * limited slope g that does not change the pixel's mean nor, along x or y, leave the range of its neighbours;
+ * in a corner it may, but never below 0 (slope.h).  So lamps keep their energy at any size.
  *
  * A plan holds the weights of one geometry and serves any number of pictures.
  */
@@ -16,8 +16,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "chart.h"
 #include "base/errmsg.h"
+#include "chart.h"
 #include "slope.h"
 
 typedef struct remap_plan remap_plan;

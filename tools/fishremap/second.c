@@ -92,17 +92,18 @@ static int match(outcome *o, const views *p, errmsg *e)
 static void tell(outcome *o, const settings *s, double matched)
 {
     if (s->have_second_gain && s->second_gain > 0) {
-        outcome_note(o, "%s: factor %.4g as given; %.4g would match over the %.2g sr that both show", s->second,
-               s->second_gain, matched, o->second_overlap);
+        outcome_note(o, "%s: factor %.4g as given; %.4g would match over the %.2g sr that both show",
+                     s->second, s->second_gain, matched, o->second_overlap);
     } else if (o->second_residual == 0 && o->second_overlap < LEAST_OVERLAP) {
         outcome_note(o, "%s: exposure not matched, only %.2g sr are shown well by both pictures", s->second,
-               o->second_overlap);
+                     o->second_overlap);
     } else {
-        outcome_note(o,
-               "%s: light times %.4g, matched over the %.2g sr that both show, where they then differ by "
-               "%.1f %%%s",
-               s->second, o->second_gain, o->second_overlap, 100 * o->second_residual,
-               o->second_residual > 0.25 ? ": that is much; is its place in --second-view right?" : "");
+        outcome_note(
+            o,
+            "%s: light times %.4g, matched over the %.2g sr that both show, where they then differ by "
+            "%.1f %%%s",
+            s->second, o->second_gain, o->second_overlap, 100 * o->second_residual,
+            o->second_residual > 0.25 ? ": that is much; is its place in --second-view right?" : "");
     }
 }
 

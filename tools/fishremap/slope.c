@@ -54,7 +54,8 @@ static void hold_pixel(float *pix, unsigned char *bad, const chart *c, int x, in
 /* A row's first and last pixel (exclusive) that a circle about the disc's centre may touch. */
 static void row_extent(int x[2], const chart *c, int y, double radius)
 {
-    double dy = fmax(fabs(y + 0.5 - c->cy) - 0.5, 0), half = dy < radius ? sqrt(radius * radius - dy * dy) : -1;
+    double dy = fmax(fabs(y + 0.5 - c->cy) - 0.5, 0),
+           half = dy < radius ? sqrt(radius * radius - dy * dy) : -1;
     double from = floor(c->cx - half), to = ceil(c->cx + half);
     x[0] = half < 0 || from > c->width ? c->width : from < 0 ? 0 : (int)from;
     x[1] = half < 0 || to < 0 ? 0 : to > c->width ? c->width : (int)to;
@@ -77,12 +78,14 @@ static void hold_rim(float *pix, unsigned char *bad, const chart *c)
             if (x == core[0] && core[1] > core[0]) x = core[1];
             if (x >= all[1]) break;
             double dx = x + 0.5 - c->cx;
-            if (reaches_beyond(dx, dy, c->radius) && dx * dx + dy * dy <= outer * outer) hold_pixel(pix, bad, c, x, y);
+            if (reaches_beyond(dx, dy, c->radius) && dx * dx + dy * dy <= outer * outer)
+                hold_pixel(pix, bad, c, x, y);
         }
     }
 }
 
-int source_clean(remap_source *s, float *pix, int width, int height, int all_good, const chart *src, errmsg *e)
+int source_clean(remap_source *s, float *pix, int width, int height, int all_good, const chart *src,
+                 errmsg *e)
 {
     size_t n = (size_t)width * (size_t)height;
     remap_source t = {width, height, pix, all_good ? NULL : malloc(n), 0};

@@ -1,5 +1,6 @@
 /*
- * slope.h - a picture made ready for the conservative remap, and the plane inside each pixel, made as it is met.
+ * slope.h - a picture made ready for the conservative remap, and the plane inside each pixel, made as it is
+ * met.
  *
  * The slope along x is the central difference where the picture is smooth, limited so that the plane
  * stays between the neighbours' values (monotonised central limiter, van Leer 1977); likewise y.  The
@@ -10,8 +11,8 @@
 
 #include <stdint.h>
 
-#include "chart.h"
 #include "base/errmsg.h"
+#include "chart.h"
 
 /* A picture made ready.  pix: R G B and 1, or 0 for a bad pixel. */
 typedef struct remap_source {
@@ -21,11 +22,12 @@ typedef struct remap_source {
     int64_t nbad;
 } remap_source;
 
-/* pix: width*height*4, R G B alpha, 16-byte aligned (malloc's are); it is used up, and stays in use by s: pixels that
- * are NaN, infinite or have alpha < 1/2 are marked bad, blackened and take no part.  Pixels that the rim of
- * a disc cuts mix with what lies outside and take the value of the next pixel inwards.  all_good: the
- * caller knows that every pixel is finite and has alpha 1.  -1: no memory. */
-int source_clean(remap_source *s, float *pix, int width, int height, int all_good, const chart *src, errmsg *e);
+/* pix: width*height*4, R G B alpha, 16-byte aligned (malloc's are); it is used up, and stays in use by s:
+ * pixels that are NaN, infinite or have alpha < 1/2 are marked bad, blackened and take no part.  Pixels that
+ * the rim of a disc cuts mix with what lies outside and take the value of the next pixel inwards.  all_good:
+ * the caller knows that every pixel is finite and has alpha 1.  -1: no memory. */
+int source_clean(remap_source *s, float *pix, int width, int height, int all_good, const chart *src,
+                 errmsg *e);
 void source_free(remap_source *s);
 
 typedef float slope_v4 __attribute__((vector_size(16)));
@@ -70,7 +72,8 @@ static inline int slope_any(slope_i4 a)
 }
 #endif
 
-/* Slope from the differences to the left and to the right: what is least of their mean and twice each, 0 where they differ in sign. */
+/* Slope from the differences to the left and to the right: what is least of their mean and twice each, 0
+ * where they differ in sign. */
 static inline slope_v4 slope_limited(slope_v4 a, slope_v4 b)
 {
     const slope_v4 zero = {0, 0, 0, 0};
@@ -79,7 +82,8 @@ static inline slope_v4 slope_limited(slope_v4 a, slope_v4 b)
 }
 
 /* Both slopes of a pixel from its four neighbours; its lowest corner stays >= 0. */
-static inline void slope_pixel(slope_v4 *gx, slope_v4 *gy, slope_v4 p, slope_v4 left, slope_v4 right, slope_v4 up, slope_v4 down)
+static inline void slope_pixel(slope_v4 *gx, slope_v4 *gy, slope_v4 p, slope_v4 left, slope_v4 right,
+                               slope_v4 up, slope_v4 down)
 {
     slope_v4 x = slope_limited(p - left, right - p), y = slope_limited(p - up, down - p);
     slope_v4 dip = 0.5f * (slope_abs(x) + slope_abs(y));
@@ -92,13 +96,20 @@ static inline void slope_pixel(slope_v4 *gx, slope_v4 *gy, slope_v4 p, slope_v4 
     *gx = x, *gy = y;
 }
 
-/* The same of pixel (x, y) of a picture; wrap: its first and last column are neighbours.  Beside a bad pixel it is level; all_good:
- * there is none. */
-static inline void slope_at(slope_v4 *gx, slope_v4 *gy, const remap_source *s, int x, int y, int wrap, int all_good)
+/* The same of pixel (x, y) of a picture; wrap: its first and last column are neighbours.  Beside a bad pixel
+ * it is level; all_good: there is none. */
+static inline void slope_at(slope_v4 *gx, slope_v4 *gy, const remap_source *s, int x, int y, int wrap,
+                            int all_good)
 {
     const size_t w = (size_t)s->width;
     const slope_v4 *c = (const slope_v4 *)s->pix + (size_t)y * w + (size_t)x;
-    slope_v4 p = *c, left = x > 0 ? c[-1] : wrap ? c[w - 1] : p, right = x + 1 < s->width ? c[1] : wrap ? *(c - (w - 1)) : p;
+    slope_v4 p = *c,
+             left = x > 0  ? c[-1]
+                    : wrap ? c[w - 1]
+                           : p,
+             right = x + 1 < s->width ? c[1]
+                     : wrap           ? *(c - (w - 1))
+                                      : p;
     slope_v4 up = y > 0 ? *(c - w) : p, down = y + 1 < s->height ? c[w] : p;
     if (!all_good && (left[3] == 0 || right[3] == 0)) left = right = p;
     if (!all_good && (up[3] == 0 || down[3] == 0)) up = down = p;

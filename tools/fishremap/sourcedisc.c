@@ -52,13 +52,15 @@ static float smoothed(const float *b, int w, int h, int x, int y)
     float v[9];
     size_t n = 0;
     for (int j = y > 0 ? y - 1 : 0; j <= y + 1 && j < h; j++)
-        for (int i = x > 0 ? x - 1 : 0; i <= x + 1 && i < w; i++) v[n++] = b[(size_t)j * (size_t)w + (size_t)i];
+        for (int i = x > 0 ? x - 1 : 0; i <= x + 1 && i < w; i++)
+            v[n++] = b[(size_t)j * (size_t)w + (size_t)i];
     qsort(v, n, sizeof *v, by_value);
     return v[n / 2];
 }
 
 /* Pixels above level that hang together with the seed: marked 1; their number. */
-static size_t flood(unsigned char *mark, size_t *stack, const float *b, int w, int h, size_t seed, float level)
+static size_t flood(unsigned char *mark, size_t *stack, const float *b, int w, int h, size_t seed,
+                    float level)
 {
     size_t top = 0, count = 0, n = (size_t)w * (size_t)h;
     stack[top++] = seed;
@@ -66,9 +68,11 @@ static size_t flood(unsigned char *mark, size_t *stack, const float *b, int w, i
     while (top) {
         size_t at = stack[--top], x = at % (size_t)w;
         count++;
-        size_t next[4] = {x ? at - 1 : n, x + 1 < (size_t)w ? at + 1 : n, at >= (size_t)w ? at - (size_t)w : n, at + (size_t)w};
+        size_t next[4] = {x ? at - 1 : n, x + 1 < (size_t)w ? at + 1 : n,
+                          at >= (size_t)w ? at - (size_t)w : n, at + (size_t)w};
         for (int k = 0; k < 4; k++)
-            if (next[k] < n && !mark[next[k]] && b[next[k]] > level) mark[next[k]] = 1, stack[top++] = next[k];
+            if (next[k] < n && !mark[next[k]] && b[next[k]] > level)
+                mark[next[k]] = 1, stack[top++] = next[k];
     }
     return count;
 }
@@ -81,8 +85,8 @@ static void erode(unsigned char *mark, unsigned char *copy, int w, int h, int st
         for (int y = 0; y < h; y++)
             for (int x = 0; x < w; x++) {
                 size_t at = (size_t)y * (size_t)w + (size_t)x;
-                if (copy[at] && (x == 0 || y == 0 || x == w - 1 || y == h - 1 || !copy[at - 1] || !copy[at + 1] ||
-                                 !copy[at - (size_t)w] || !copy[at + (size_t)w]))
+                if (copy[at] && (x == 0 || y == 0 || x == w - 1 || y == h - 1 || !copy[at - 1] ||
+                                 !copy[at + 1] || !copy[at - (size_t)w] || !copy[at + (size_t)w]))
                     mark[at] = 0;
             }
     }
@@ -98,7 +102,8 @@ static int measure(source_disc *s, const float *pix, const chart *c, const unsig
     for (size_t i = 0; i < n; i++) {
         if (!mark[i]) continue;
         double qx, qy;
-        chart_disc_place(&qx, &qy, c, (double)(i % (size_t)c->width) + 0.5, (double)(i / (size_t)c->width) + 0.5);
+        chart_disc_place(&qx, &qy, c, (double)(i % (size_t)c->width) + 0.5,
+                         (double)(i / (size_t)c->width) + 0.5);
         double t = lens_angle(&c->lens, hypot(qx, qy));
         sum += t, square += t * t;
         s->x += (double)(i % (size_t)c->width) + 0.5, s->y += (double)(i / (size_t)c->width) + 0.5;
@@ -187,16 +192,21 @@ int flat_clipped(double top[3], const float *pix, const chart *c, double white, 
         n = 0;
         for (size_t i = 0; i < total; i++) {
             double x, y;
-            chart_disc_place(&x, &y, c, (double)(i % (size_t)c->width) + 0.5, (double)(i / (size_t)c->width) + 0.5);
+            chart_disc_place(&x, &y, c, (double)(i % (size_t)c->width) + 0.5,
+                             (double)(i / (size_t)c->width) + 0.5);
             if (hypot(x, y) < 1 && brightness(pix + 4 * i) > 0) v[n++] = pix[4 * i + (size_t)ch];
         }
         qsort(v, n, sizeof *v, by_value);
         size_t same = 0, near = 0, values = 0;
         for (size_t i = n; i-- > 0 && v[i] == v[n - 1];) same++;
-        for (size_t i = n - same; i-- > 0 && (double)v[i] > 0.96 * (double)v[n - 1]; near++) values += i + 1 == n - same || v[i] != v[i + 1];
-        /* the top of a smooth field is a hump: its last value is taken by few times as many pixels as those just below; of noise by fewer */
-        int full = white > 0 && n && (double)v[n - 1] >= white * (1 - 1e-6) && (double)same > 0.002 * (double)n;
-        int piled = (double)same > 0.02 * (double)n && (double)same > 6 * (double)near / (double)(values ? values : 1) &&
+        for (size_t i = n - same; i-- > 0 && (double)v[i] > 0.96 * (double)v[n - 1]; near++)
+            values += i + 1 == n - same || v[i] != v[i + 1];
+        /* the top of a smooth field is a hump: its last value is taken by few times as many pixels as those
+         * just below; of noise by fewer */
+        int full =
+            white > 0 && n && (double)v[n - 1] >= white * (1 - 1e-6) && (double)same > 0.002 * (double)n;
+        int piled = (double)same > 0.02 * (double)n &&
+                    (double)same > 6 * (double)near / (double)(values ? values : 1) &&
                     (white > 0 ? (double)v[n - 1] > 0.75 * white : values > 0);
         top[ch] = full || piled ? (double)v[n - 1] : 0;
     }
@@ -209,7 +219,8 @@ int flat_rings(falloff_reading *r, int *n, int max, const float *pix, const char
     int rings = max, found = 0;
     int most = (int)(c->radius / 2);
     if (rings > most) rings = most;
-    if (rings < 4) return err_set(e, "expected an image circle of at least 8 pixels radius, found %g", c->radius);
+    if (rings < 4)
+        return err_set(e, "expected an image circle of at least 8 pixels radius, found %g", c->radius);
     size_t total = (size_t)c->width * (size_t)c->height;
     size_t *count = calloc((size_t)rings + 1, sizeof *count);
     float *v = malloc(total * 3 * sizeof *v);
@@ -222,7 +233,8 @@ int flat_rings(falloff_reading *r, int *n, int max, const float *pix, const char
     }
     for (size_t i = 0; i < total; i++) {
         double x, y;
-        chart_disc_place(&x, &y, c, (double)(i % (size_t)c->width) + 0.5, (double)(i / (size_t)c->width) + 0.5);
+        chart_disc_place(&x, &y, c, (double)(i % (size_t)c->width) + 0.5,
+                         (double)(i / (size_t)c->width) + 0.5);
         double q = hypot(x, y); /* pixels wholly inside */
         int in = q + M_SQRT1_2 / c->radius < 1 && brightness(pix + 4 * i) > 0;
         ring[i] = in ? (int)(lens_angle(&c->lens, q) / c->lens.half * rings) : -1;
@@ -245,7 +257,8 @@ int flat_rings(falloff_reading *r, int *n, int max, const float *pix, const char
             memset(q, 0, sizeof *q);
             q->theta = (k + 0.5) / rings * c->lens.half;
             q->spread = c->lens.half / rings / sqrt(12);
-            for (int ch = 0; ch < 3; ch++) q->y[ch] = robust_mean(&q->sd[ch], v + (size_t)ch * total + count[k], have);
+            for (int ch = 0; ch < 3; ch++)
+                q->y[ch] = robust_mean(&q->sd[ch], v + (size_t)ch * total + count[k], have);
         }
     }
     free(fill);
@@ -253,5 +266,6 @@ int flat_rings(falloff_reading *r, int *n, int max, const float *pix, const char
     free(v);
     free(ring);
     *n = found;
-    return found < 2 ? err_set(e, "expected a flat field with light in at least 2 rings, found %d", found) : 0;
+    return found < 2 ? err_set(e, "expected a flat field with light in at least 2 rings, found %d", found)
+                     : 0;
 }

@@ -25,8 +25,15 @@ static void square_to_quad(double h[9], const sphere_seen q[4])
         g = (sx * dy2 - dx2 * sy) / det;
         k = (dx1 * sy - sx * dy1) / det;
     }
-    double r[9] = {q[1].x - q[0].x + g * q[1].x, q[3].x - q[0].x + k * q[3].x, q[0].x,
-                   q[1].y - q[0].y + g * q[1].y, q[3].y - q[0].y + k * q[3].y, q[0].y, g, k, 1};
+    double r[9] = {q[1].x - q[0].x + g * q[1].x,
+                   q[3].x - q[0].x + k * q[3].x,
+                   q[0].x,
+                   q[1].y - q[0].y + g * q[1].y,
+                   q[3].y - q[0].y + k * q[3].y,
+                   q[0].y,
+                   g,
+                   k,
+                   1};
     memcpy(h, r, sizeof r);
 }
 
@@ -60,12 +67,14 @@ static int check_corners(const sphere_seen q[4], int n, int m, double rotate, er
     int small = 0, big = 0;
     for (int i = 0; i < 4; i++) {
         if (!(q[i].r > 0) || !isfinite(q[i].x) || !isfinite(q[i].y) || !isfinite(q[i].r))
-            return err_set(e, "corner %s: expected X,Y and a radius above 0, found %g,%g,%g", which[i], q[i].x, q[i].y, q[i].r);
+            return err_set(e, "corner %s: expected X,Y and a radius above 0, found %g,%g,%g", which[i],
+                           q[i].x, q[i].y, q[i].r);
         if (q[i].r < rmin) rmin = q[i].r, small = i;
         if (q[i].r > rmax) rmax = q[i].r, big = i;
     }
     if (rmax > 1.5 * rmin)
-        return err_set(e, "corners: expected radii alike within 1.5, found %g at %s and %g at %s", rmin, which[small], rmax, which[big]);
+        return err_set(e, "corners: expected radii alike within 1.5, found %g at %s and %g at %s", rmin,
+                       which[small], rmax, which[big]);
     if (n == 1 && m == 1) return 0;
     double turn[4];
     int left = 0, right = 0;
@@ -76,29 +85,37 @@ static int check_corners(const sphere_seen q[4], int n, int m, double rotate, er
         else right++;
     }
     if (right == 4)
-        return err_set(e, "corners: expected the order (0,0), (n-1,0), (n-1,m-1), (0,m-1) counter-clockwise as seen from above, found it clockwise");
+        return err_set(e, "corners: expected the order (0,0), (n-1,0), (n-1,m-1), (0,m-1) counter-clockwise "
+                          "as seen from above, found it clockwise");
     if (left != 4) {
         int odd = 0;
         for (int i = 0; i < 4; i++)
             if ((turn[i] < 0) == (left == 1) || (left == 3 && turn[i] >= 0)) odd = i;
-        return err_set(e, "corners: expected a convex quadrilateral, found %s at %g,%g on the wrong side", which[odd], q[odd].x, q[odd].y);
+        return err_set(e, "corners: expected a convex quadrilateral, found %s at %g,%g on the wrong side",
+                       which[odd], q[odd].x, q[odd].y);
     }
     double side[4], mean[2];
     for (int i = 0; i < 4; i++) side[i] = hypot(q[(i + 1) % 4].x - q[i].x, q[(i + 1) % 4].y - q[i].y);
     mean[0] = (side[0] + side[2]) / 2, mean[1] = (side[1] + side[3]) / 2;
     for (int i = 0; i < 4; i++)
         if (fabs(side[i] - mean[i % 2]) > 0.2 * mean[i % 2])
-            return err_set(e, "corners: expected opposite sides of like length, found %.0f px from %s to %s and %.0f px opposite",
+            return err_set(e,
+                           "corners: expected opposite sides of like length, found %.0f px from %s to %s and "
+                           "%.0f px opposite",
                            side[i], which[i], which[(i + 1) % 4], side[(i + 2) % 4]);
     double pitch[2] = {n > 1 ? mean[0] / (n - 1) : 0, m > 1 ? mean[1] / (m - 1) : 0}, d = rmin + rmax;
     for (int k = 0; k < 2; k++)
         if (pitch[k] > 0 && pitch[k] < 0.9 * d)
-            return err_set(e, "corners: expected spheres at least a diameter (%.1f px) apart, found %.1f px along %c",
-                           d, pitch[k], "uv"[k]);
+            return err_set(
+                e, "corners: expected spheres at least a diameter (%.1f px) apart, found %.1f px along %c", d,
+                pitch[k], "uv"[k]);
     double a = atan2(-(q[1].y - q[0].y), q[1].x - q[0].x) + rotate;
     a -= 2 * M_PI * nearbyint(a / (2 * M_PI));
     if (fabs(a) > 45 * DEG)
-        return err_set(e, "corners: expected +u, from (0,0) to (n-1,0), to point right in the picture, found it %.0f degrees counter-clockwise from there; turn the picture with --rotate or name the corners in the contract's order",
+        return err_set(e,
+                       "corners: expected +u, from (0,0) to (n-1,0), to point right in the picture, found it "
+                       "%.0f degrees counter-clockwise from there; turn the picture with --rotate or name "
+                       "the corners in the contract's order",
                        a / DEG);
     return 0;
 }
@@ -123,7 +140,8 @@ int sphere_grid_init(sphere_grid *g, int n, int m, const sphere_seen corner[4], 
 sphere_seen sphere_grid_at(double *u_angle, const sphere_grid *g, double s, double t)
 {
     const double *h = g->h;
-    double w = h[6] * s + h[7] * t + h[8], x = (h[0] * s + h[1] * t + h[2]) / w, y = (h[3] * s + h[4] * t + h[5]) / w;
+    double w = h[6] * s + h[7] * t + h[8], x = (h[0] * s + h[1] * t + h[2]) / w,
+           y = (h[3] * s + h[4] * t + h[5]) / w;
     if (u_angle) *u_angle = atan2(-(h[3] - h[6] * y), h[0] - h[6] * x);
     double a = g->n > 1 ? s / (g->n - 1) : 0, b = g->m > 1 ? t / (g->m - 1) : 0;
     double r = (1 - b) * ((1 - a) * g->r[0] + a * g->r[1]) + b * ((1 - a) * g->r[3] + a * g->r[2]);

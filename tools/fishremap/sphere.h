@@ -28,8 +28,8 @@ double sphere_free_cone(double pitch_per_diameter);
 /* The grid's homography: node (s, t), s in 0..n-1, t in 0..m-1, to pixels. */
 typedef struct sphere_grid {
     int n, m;
-    double h[9];               /* row-major, maps (s, t, 1) */
-    double r[4];               /* radii at the corners, in corner order */
+    double h[9]; /* row-major, maps (s, t, 1) */
+    double r[4]; /* radii at the corners, in corner order */
 } sphere_grid;
 
 /* From the corner spheres in the order (0,0), (n-1,0), (n-1,m-1), (0,m-1).  rotate: the

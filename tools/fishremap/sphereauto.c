@@ -1,10 +1,11 @@
 /*
  * sphereauto.c - finding a mirror-sphere array without a hint (spherefind.h).
  *
- * The picture repeats itself, sphere by sphere: the steps of the lattice are the shifts, along the picture's right and up, at which
- * its gradient correlates best with itself.  What is unlike among neighbouring cells tells where in its cell a sphere
- * stands.  The middle of a sphere shows the distant room, as its neighbour's does; the ground between them, sharp shadows
- * included, repeats exactly; only the ring around the middle, where spheres mirror each other's mirror images, differs:
+ * The picture repeats itself, sphere by sphere: the steps of the lattice are the shifts, along the picture's
+ * right and up, at which its gradient correlates best with itself.  What is unlike among neighbouring cells
+ * tells where in its cell a sphere stands.  The middle of a sphere shows the distant room, as its neighbour's
+ * does; the ground between them, sharp shadows included, repeats exactly; only the ring around the middle,
+ * where spheres mirror each other's mirror images, differs:
  *
  *          . ground and shadows: alike .
  *              ,-~~~~~~~-.
@@ -12,7 +13,8 @@
  *           |  |  room:  |  |
  *           |  |  alike  |  |
  *
- * Which nodes are spheres is seen from how alike their middles are: the n x m window that holds most likeness is the array.
+ * Which nodes are spheres is seen from how alike their middles are: the n x m window that holds most likeness
+ * is the array.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -22,7 +24,8 @@
 
 #define SIDE 480 /* pixels, longer side of the working copy */
 #define CELL 32  /* places tried across the repeating cell */
-#define INNER 0.68 /* of the radius: outside of it a sphere shows its neighbours (0.64 where they touch, sphere.h) */
+#define INNER                                                                                                \
+    0.68 /* of the radius: outside of it a sphere shows its neighbours (0.64 where they touch, sphere.h) */
 
 typedef struct work {
     int w, h;
@@ -70,10 +73,12 @@ static int work_init(work *a, const float *pix, int w, int h)
 static double likeness(const work *a, int dx, int dy)
 {
     double cross = 0, one = 1e-9, two = 1e-9;
-    int x0 = dx < 0 ? -dx : 0, x1 = dx > 0 ? a->w - dx : a->w, y0 = dy < 0 ? -dy : 0, y1 = dy > 0 ? a->h - dy : a->h;
+    int x0 = dx < 0 ? -dx : 0, x1 = dx > 0 ? a->w - dx : a->w, y0 = dy < 0 ? -dy : 0,
+        y1 = dy > 0 ? a->h - dy : a->h;
     for (int y = y0; y < y1; y++) {
         const float *px = a->gx + (size_t)y * (size_t)a->w, *py = a->gy + (size_t)y * (size_t)a->w;
-        const float *qx = a->gx + (size_t)(y + dy) * (size_t)a->w + dx, *qy = a->gy + (size_t)(y + dy) * (size_t)a->w + dx;
+        const float *qx = a->gx + (size_t)(y + dy) * (size_t)a->w + dx,
+                    *qy = a->gy + (size_t)(y + dy) * (size_t)a->w + dx;
         float c = 0, p = 0, q = 0;
         for (int x = x0; x < x1; x++) {
             c += px[x] * qx[x] + py[x] * qy[x];
@@ -85,7 +90,8 @@ static double likeness(const work *a, int dx, int dy)
     return cross / sqrt(one * two);
 }
 
-/* The shortest good shift within 12 degrees of the unit vector d, of length lo..hi; then made precise on multiples. */
+/* The shortest good shift within 12 degrees of the unit vector d, of length lo..hi; then made precise on
+ * multiples. */
 static double find_step(double step[2], const work *a, const double d[2], double lo, double hi, int count)
 {
     double best = 0;
@@ -99,7 +105,8 @@ static double find_step(double step[2], const work *a, const double d[2], double
                 double c = likeness(a, dx, dy);
                 if (!pass && c > best) best = c, step[0] = dx, step[1] = dy;
                 /* a peak that is nearly as good and clearly shorter: the first was a multiple */
-                if (pass && c > 0.85 * best && len < 0.7 * hypot(step[0], step[1])) shortest = len, step[0] = dx, step[1] = dy;
+                if (pass && c > 0.85 * best && len < 0.7 * hypot(step[0], step[1]))
+                    shortest = len, step[0] = dx, step[1] = dy;
             }
     }
     for (int q = 2; q <= count - 1 && q <= 6; q++) {
@@ -118,9 +125,9 @@ static double find_step(double step[2], const work *a, const double d[2], double
 
 /* A lattice of cells laid over the working copy, and the part of it that may hold the array. */
 typedef struct lattice {
-    double o[2], u[2], v[2];  /* corner of cell (0, 0), and the steps */
-    int along_u, along_v;     /* is there more than one sphere that way? */
-    int i0, j0, i1, j1;       /* cells that count: i0 <= i < i1, j0 <= j < j1 */
+    double o[2], u[2], v[2]; /* corner of cell (0, 0), and the steps */
+    int along_u, along_v;    /* is there more than one sphere that way? */
+    int i0, j0, i1, j1;      /* cells that count: i0 <= i < i1, j0 <= j < j1 */
 } lattice;
 
 /* How unlike the same place of neighbouring cells looks: the mean difference of log grey, up to 1. */
@@ -139,14 +146,16 @@ static void fold_cells(float unlike[CELL * CELL], const work *a, const lattice *
                         double nx = x + (d ? l->v[0] : l->u[0]), ny = y + (d ? l->v[1] : l->u[1]);
                         if (!(d ? l->along_v && j + 1 < l->j1 : l->along_u && i + 1 < l->i1)) continue;
                         if (nx < 0 || ny < 0 || nx >= a->w || ny >= a->h) continue;
-                        sum += fmin(fabs((double)(a->g[(size_t)ny * (size_t)a->w + (size_t)nx] - here)), 1), count++;
+                        sum += fmin(fabs((double)(a->g[(size_t)ny * (size_t)a->w + (size_t)nx] - here)), 1),
+                            count++;
                     }
                 }
             unlike[q * CELL + p] = (float)(count > 0 ? sum / count : 0);
         }
 }
 
-/* The ring of one sphere in its cell, centred on cell (0, 0)'s corner and repeated: 1 between INNER r and r, with mean 0 and norm 1. */
+/* The ring of one sphere in its cell, centred on cell (0, 0)'s corner and repeated: 1 between INNER r and r,
+ * with mean 0 and norm 1. */
 static void ring_template(float ring[CELL * CELL], const lattice *l, double r)
 {
     enum { SUB = 3 };
@@ -167,12 +176,13 @@ static void ring_template(float ring[CELL * CELL], const lattice *l, double r)
     for (int k = 0; k < CELL * CELL; k++) ring[k] /= (float)sqrt(norm);
 }
 
-/* The sphere in the cell, moving the lattice's corner to its centre: its radius (pixels), and how well (correlation, 0..1)
- * what is unlike among neighbours fits in a ring. */
+/* The sphere in the cell, moving the lattice's corner to its centre: its radius (pixels), and how well
+ * (correlation, 0..1) what is unlike among neighbours fits in a ring. */
 static double find_ring(double *radius, lattice *l, const work *a)
 {
     float unlike[CELL * CELL], ring[CELL * CELL];
-    double pitch = fmin(hypot(l->u[0], l->u[1]), hypot(l->v[0], l->v[1])), mean = 0, norm = 0, best = 0, at[2] = {0, 0};
+    double pitch = fmin(hypot(l->u[0], l->u[1]), hypot(l->v[0], l->v[1])), mean = 0, norm = 0, best = 0,
+           at[2] = {0, 0};
     fold_cells(unlike, a, l);
     for (int k = 0; k < CELL * CELL; k++) mean += (double)unlike[k] / (CELL * CELL);
     for (int k = 0; k < CELL * CELL; k++) unlike[k] -= (float)mean, norm += (double)(unlike[k] * unlike[k]);
@@ -182,8 +192,10 @@ static double find_ring(double *radius, lattice *l, const work *a)
             for (int p = 0; p < CELL; p++) {
                 float c = 0;
                 for (int j = 0; j < CELL; j++)
-                    for (int i = 0; i < CELL; i++) c += ring[j * CELL + i] * unlike[(j + q) % CELL * CELL + (i + p) % CELL];
-                if ((double)c > best) best = (double)c, *radius = f * pitch, at[0] = (p + 0.5) / CELL, at[1] = (q + 0.5) / CELL;
+                    for (int i = 0; i < CELL; i++)
+                        c += ring[j * CELL + i] * unlike[(j + q) % CELL * CELL + (i + p) % CELL];
+                if ((double)c > best)
+                    best = (double)c, *radius = f * pitch, at[0] = (p + 0.5) / CELL, at[1] = (q + 0.5) / CELL;
             }
     }
     for (int x = 0; x < 2; x++) l->o[x] += at[0] * l->u[x] + at[1] * l->v[x];
@@ -197,10 +209,13 @@ static double patches_alike(const work *a, double x0, double y0, double x1, doub
     int b = (int)(0.6 * r);
     for (int j = -b; j <= b; j++)
         for (int i = -b; i <= b; i++) {
-            int xa = (int)floor(x0) + i, ya = (int)floor(y0) + j, xb = (int)floor(x1) + i, yb = (int)floor(y1) + j;
+            int xa = (int)floor(x0) + i, ya = (int)floor(y0) + j, xb = (int)floor(x1) + i,
+                yb = (int)floor(y1) + j;
             if (i * i + j * j > b * b) continue;
-            if (xa < 0 || ya < 0 || xb < 0 || yb < 0 || xa >= a->w || xb >= a->w || ya >= a->h || yb >= a->h) return -1;
-            double p = (double)a->g[(size_t)ya * (size_t)a->w + (size_t)xa], q = (double)a->g[(size_t)yb * (size_t)a->w + (size_t)xb];
+            if (xa < 0 || ya < 0 || xb < 0 || yb < 0 || xa >= a->w || xb >= a->w || ya >= a->h || yb >= a->h)
+                return -1;
+            double p = (double)a->g[(size_t)ya * (size_t)a->w + (size_t)xa],
+                   q = (double)a->g[(size_t)yb * (size_t)a->w + (size_t)xb];
             n++, s0 += p, s1 += q, s00 += p * p, s11 += q * q, s01 += p * q;
         }
     double v0 = s00 - s0 * s0 / n, v1 = s11 - s1 * s1 / n;
@@ -208,10 +223,12 @@ static double patches_alike(const work *a, double x0, double y0, double x1, doub
 }
 
 /* Node of the array's (0, 0): the window of n x m nodes that holds most likeness. */
-static double best_window(int at[2], const work *a, const double o[2], const double u[2], const double v[2], double r, int n, int m)
+static double best_window(int at[2], const work *a, const double o[2], const double u[2], const double v[2],
+                          double r, int n, int m)
 {
     enum { MOST = 160 };
-    int half = MOST / 2, reach = (int)fmin(half - 1, 1.5 * hypot(a->w, a->h) / fmin(hypot(u[0], u[1]), hypot(v[0], v[1])));
+    int half = MOST / 2,
+        reach = (int)fmin(half - 1, 1.5 * hypot(a->w, a->h) / fmin(hypot(u[0], u[1]), hypot(v[0], v[1])));
     float(*like)[MOST] = calloc(MOST, sizeof *like);
     double best = -INFINITY;
     if (!like) return best;
@@ -225,9 +242,11 @@ static double best_window(int at[2], const work *a, const double o[2], const dou
             }
             /* with the nearest neighbours on either side, the better of the two, in both directions */
             if (n > 1)
-                c += fmax(patches_alike(a, x, y, x + u[0], y + u[1], r), patches_alike(a, x, y, x - u[0], y - u[1], r));
+                c += fmax(patches_alike(a, x, y, x + u[0], y + u[1], r),
+                          patches_alike(a, x, y, x - u[0], y - u[1], r));
             if (m > 1)
-                c += fmax(patches_alike(a, x, y, x + v[0], y + v[1], r), patches_alike(a, x, y, x - v[0], y - v[1], r));
+                c += fmax(patches_alike(a, x, y, x + v[0], y + v[1], r),
+                          patches_alike(a, x, y, x - v[0], y - v[1], r));
             *l = (float)(c / ((n > 1) + (m > 1)) - 0.3);
         }
     for (int j = -reach; j + m <= reach; j++)
@@ -241,14 +260,19 @@ static double best_window(int at[2], const work *a, const double o[2], const dou
     return best / ((double)n * m);
 }
 
-static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e)
+static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate,
+                      errmsg *e)
 {
     work a;
     /* +u in the picture: right, turned back by rotate; +v to its left */
-    double co = cos(rotate), si = sin(rotate), du[2] = {co, si}, dv[2] = {si, -co}, u[2] = {0, 0}, v[2] = {0, 0};
-    if (n > 100 || m > 100) return err_set(e, "expected at most 100 x 100 spheres to find, found %d x %d", n, m);
+    double co = cos(rotate), si = sin(rotate), du[2] = {co, si}, dv[2] = {si, -co}, u[2] = {0, 0},
+           v[2] = {0, 0};
+    if (n > 100 || m > 100)
+        return err_set(e, "expected at most 100 x 100 spheres to find, found %d x %d", n, m);
     if (w / n < 12 || h / m < 12 || work_init(&a, pix, w, h))
-        return err_set(e, "expected at least 12 pixels a sphere, found a picture of %d x %d for %d x %d spheres", w, h, n, m);
+        return err_set(e,
+                       "expected at least 12 pixels a sphere, found a picture of %d x %d for %d x %d spheres",
+                       w, h, n, m);
     double along_u = (fabs(co) * a.w + fabs(si) * a.h) / n, along_v = (fabs(si) * a.w + fabs(co) * a.h) / m;
     double most = n > 1 && m > 1 ? fmin(along_u, along_v) : n > 1 ? along_u : along_v, found = 1;
     if (n > 1) found = fmin(found, find_step(u, &a, du, 0.3 * most, 1.15 * most, n));
@@ -258,7 +282,10 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
     double pu = hypot(u[0], u[1]), pv = hypot(v[0], v[1]), pitch = fmin(pu, pv);
     if (found < 0.1 || fabs(pu - pv) > 0.25 * pitch) {
         work_free(&a);
-        return err_set(e, "expected an array of %d x %d mirror spheres, found nothing that repeats itself so; give --corners", n, m);
+        return err_set(e,
+                       "expected an array of %d x %d mirror spheres, found nothing that repeats itself so; "
+                       "give --corners",
+                       n, m);
     }
     int reach = (int)(hypot(a.w, a.h) / pitch) + 2;
     lattice l = {{0, 0}, {u[0], u[1]}, {v[0], v[1]}, n > 1, m > 1, -reach, -reach, reach, reach};
@@ -275,14 +302,19 @@ static int find_array(sphere_seen corner[4], const float *pix, int w, int h, int
     }
     for (int q = 0; q < 4; q++) {
         double i = 0.5 + (q == 1 || q == 2 ? n - 1 : 0), j = 0.5 + (q >= 2 ? m - 1 : 0);
-        corner[q] = (sphere_seen){a.k * (l.o[0] + i * u[0] + j * v[0]), a.k * (l.o[1] + i * u[1] + j * v[1]), a.k * radius};
+        corner[q] = (sphere_seen){a.k * (l.o[0] + i * u[0] + j * v[0]), a.k * (l.o[1] + i * u[1] + j * v[1]),
+                                  a.k * radius};
     }
     work_free(&a);
-    if (!(best > 0)) return err_set(e, "expected an array of %d x %d mirror spheres, found none that look alike; give --corners", n, m);
+    if (!(best > 0))
+        return err_set(
+            e, "expected an array of %d x %d mirror spheres, found none that look alike; give --corners", n,
+            m);
     return n > 1 && m > 1 ? sphere_shift_window(corner, pix, w, h, n, m, rotate, e) : 0;
 }
 
-int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e)
+int sphere_find_corners(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate,
+                        errmsg *e)
 {
     if (n > 1 || m > 1) return find_array(corner, pix, w, h, n, m, rotate, e);
     circle_found f;

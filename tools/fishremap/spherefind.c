@@ -1,9 +1,10 @@
 /*
  * spherefind.c - refining mirror spheres in a photograph (spherefind.h).
  *
- * A mirror sphere's rim is no clean edge: reflections of reflections crowd on its inner side, and where it reflects
- * the ground that it stands on, it hardly shows.  But outside of it there is nothing except smooth ground, crossed by the edges of
- * shadows.  So a ray that leaves the centre votes for a radius r at which the picture changes, and beyond which it does not:
+ * A mirror sphere's rim is no clean edge: reflections of reflections crowd on its inner side, and where it
+ * reflects the ground that it stands on, it hardly shows.  But outside of it there is nothing except smooth
+ * ground, crossed by the edges of shadows.  So a ray that leaves the centre votes for a radius r at which the
+ * picture changes, and beyond which it does not:
  *
  *      vote = log( |change at r| + QUIET ) - log( |change beyond r| + QUIET )
  *
@@ -20,9 +21,11 @@
 #include <string.h>
 
 #define RAYS 128 /* two a pixel of the smallest rims: fewer leave the votes rough */
-#define CLOSEST 0.985 /* diameters between neighbours: they cannot be one in the other, but a radius may be a little wrong */
+#define CLOSEST                                                                                              \
+    0.985 /* diameters between neighbours: they cannot be one in the other, but a radius may be a little     \
+             wrong */
 #define QUIET 0.02 /* log units: changes below are noise */
-#define MOST 2.0   /* the strongest vote */
+#define MOST  2.0  /* the strongest vote */
 
 typedef struct picture {
     float *grey; /* log units */
@@ -44,7 +47,8 @@ static double at(const picture *p, double x, double y)
     if (i < 0 || j < 0 || i + 1 >= p->w || j + 1 >= p->h) return NAN;
     double u = x - i, v = y - j;
     const float *g = p->grey + (size_t)j * (size_t)p->w + (size_t)i;
-    return (1 - v) * ((1 - u) * (double)g[0] + u * (double)g[1]) + v * ((1 - u) * (double)g[p->w] + u * (double)g[p->w + 1]);
+    return (1 - v) * ((1 - u) * (double)g[0] + u * (double)g[1]) +
+           v * ((1 - u) * (double)g[p->w] + u * (double)g[p->w + 1]);
 }
 
 /* Is the point clear of the spheres around node (i, j)? */
@@ -55,9 +59,10 @@ static int is_ground(const sphere_seen near[8], int n, double x, double y, doubl
     return 1;
 }
 
-/* Mean vote of one sphere's rays to the ground, the sphere moved by (dx, dy), and their number.  b: half the width, in pixels, over
- * which a change is seen. */
-static double sphere_votes(int *rays, const sphere_grid *g, const picture *p, int sphere, double dx, double dy, double b)
+/* Mean vote of one sphere's rays to the ground, the sphere moved by (dx, dy), and their number.  b: half the
+ * width, in pixels, over which a change is seen. */
+static double sphere_votes(int *rays, const sphere_grid *g, const picture *p, int sphere, double dx,
+                           double dy, double b)
 {
     /* from the rim, half widths; a gap, so that the edge's own blur does not count as change beyond */
     static const double from[5] = {-1, 1, 1.5, 3.5, 5.5};
@@ -66,12 +71,14 @@ static double sphere_votes(int *rays, const sphere_grid *g, const picture *p, in
     double sum = 0;
     for (int j = j0 - 1; j <= j0 + 1; j++)
         for (int i = i0 - 1; i <= i0 + 1; i++)
-            if ((i != i0 || j != j0) && i >= 0 && j >= 0 && i < g->n && j < g->m) near[nnear++] = sphere_grid_at(NULL, g, i, j);
+            if ((i != i0 || j != j0) && i >= 0 && j >= 0 && i < g->n && j < g->m)
+                near[nnear++] = sphere_grid_at(NULL, g, i, j);
     c.x += dx, c.y += dy;
     for (int k = 0; k < RAYS; k++) {
         double v[5], far = c.r + 6 * b;
         if (!is_ground(near, nnear, c.x + far * p->co[k], c.y + far * p->si[k], b)) continue;
-        for (int i = 0; i < 5; i++) v[i] = at(p, c.x + (c.r + from[i] * b) * p->co[k], c.y + (c.r + from[i] * b) * p->si[k]);
+        for (int i = 0; i < 5; i++)
+            v[i] = at(p, c.x + (c.r + from[i] * b) * p->co[k], c.y + (c.r + from[i] * b) * p->si[k]);
         double in = fabs(v[1] - v[0]), out = 0.5 * (fabs(v[3] - v[2]) + fabs(v[4] - v[3]));
         if (isnan(in) || isnan(out)) continue;
         sum += fmax(-MOST, fmin(MOST, log((in + QUIET) / (out + QUIET))));
@@ -81,8 +88,8 @@ static double sphere_votes(int *rays, const sphere_grid *g, const picture *p, in
     return count ? sum / count : 0;
 }
 
-/* The votes for a grid, times the radius: every pixel of a rim has one, so that of two circles that are seen equally well the larger wins;
- * what it has inside are reflections.  Not all spheres need be asked. */
+/* The votes for a grid, times the radius: every pixel of a rim has one, so that of two circles that are seen
+ * equally well the larger wins; what it has inside are reflections.  Not all spheres need be asked. */
 static double all_votes(const sphere_grid *g, const picture *p, double b, int every)
 {
     double sum = 0, count = 0;
@@ -106,7 +113,8 @@ static int through_corners(sphere_grid *g, sphere_seen c[4], double rotate)
     if (sphere_grid_init(&t, g->n, g->m, q, rotate, NULL)) return -1;
     for (int k = 0; k < 4; k++) {
         double s = k == 1 || k == 2 ? g->n - 1 : 0, u = k >= 2 ? g->m - 1 : 0;
-        sphere_seen o = sphere_grid_at(NULL, &t, s, u), a = sphere_grid_at(NULL, &t, s + 0.1, u), b = sphere_grid_at(NULL, &t, s, u + 0.1);
+        sphere_seen o = sphere_grid_at(NULL, &t, s, u), a = sphere_grid_at(NULL, &t, s + 0.1, u),
+                    b = sphere_grid_at(NULL, &t, s, u + 0.1);
         scale[k] = sqrt(fabs((a.x - o.x) * (b.y - o.y) - (a.y - o.y) * (b.x - o.x)));
         sum += scale[k] / 4;
     }
@@ -118,7 +126,8 @@ static int through_corners(sphere_grid *g, sphere_seen c[4], double rotate)
 }
 
 /* All corners together, within reach: place and radius, in steps of a pixel or less. */
-static void place(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], double reach, const picture *p, double rotate)
+static void place(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], double reach,
+                  const picture *p, double rotate)
 {
     double step = fmax(0.5, fmin(g->r[0] / 30, 1)), best = 0;
     int q = (int)(reach / step), every = g->n * g->m / 40 + 1;
@@ -128,30 +137,34 @@ static void place(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], 
             for (int x = -q; x <= q; x++) {
                 sphere_seen t[4];
                 sphere_grid try = *g;
-                for (int k = 0; k < 4; k++) t[k] = (sphere_seen){given[k].x + step * x, given[k].y + step * y, given[k].r + step * r};
+                for (int k = 0; k < 4; k++)
+                    t[k] = (sphere_seen){given[k].x + step * x, given[k].y + step * y, given[k].r + step * r};
                 if (step * hypot(x, y) > reach || through_corners(&try, t, rotate)) continue;
                 double v = all_votes(&try, p, fmax(0.75 * step, 0.5), every);
                 if (v > best) best = v, *g = try, memcpy(c, t, sizeof t);
             }
 }
 
-/* Move the four corners one at a time and all together, and the radius, to where the votes are highest; no corner further than
- * reach from where it was given. */
-static void climb(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], double reach, const picture *p, double coarse,
-                  double rotate)
+/* Move the four corners one at a time and all together, and the radius, to where the votes are highest; no
+ * corner further than reach from where it was given. */
+static void climb(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], double reach,
+                  const picture *p, double coarse, double rotate)
 {
     for (double step = coarse; step > 0.04; step /= 2) {
         double b = fmax(0.75 * step, 0.5), best = all_votes(g, p, b, 1);
         for (int round = 0, moved = 1; moved && round < 8; round++) {
             moved = 0;
-            for (int k = 0; k < 22; k++) { /* 0..5: all of them in x, y and radius; then one by one in x and y */
+            for (int k = 0; k < 22;
+                 k++) { /* 0..5: all of them in x, y and radius; then one by one in x and y */
                 sphere_seen t[4];
                 sphere_grid try = *g;
                 int who = k < 6 ? -1 : (k - 6) / 4, what = k < 6 ? k / 2 : (k - 6) % 4 / 2, far = 0;
                 for (int i = 0; i < 4; i++) {
                     t[i] = c[i];
-                    if (who < 0 || who == i) *(what == 0 ? &t[i].x : what == 1 ? &t[i].y : &t[i].r) += k & 1 ? step : -step;
-                    far |= hypot(t[i].x - given[i].x, t[i].y - given[i].y) > reach + 1 || fabs(t[i].r - given[i].r) > reach + 1;
+                    if (who < 0 || who == i)
+                        *(what == 0 ? &t[i].x : what == 1 ? &t[i].y : &t[i].r) += k & 1 ? step : -step;
+                    far |= hypot(t[i].x - given[i].x, t[i].y - given[i].y) > reach + 1 ||
+                           fabs(t[i].r - given[i].r) > reach + 1;
                 }
                 if (far || through_corners(&try, t, rotate)) continue;
                 double q = all_votes(&try, p, b, 1);
@@ -161,7 +174,8 @@ static void climb(sphere_grid *g, sphere_seen c[4], const sphere_seen given[4], 
     }
 }
 
-/* One sphere's own shift from the grid, to a twentieth of a pixel: the best of a raster within reach, then uphill. */
+/* One sphere's own shift from the grid, to a twentieth of a pixel: the best of a raster within reach, then
+ * uphill. */
 static void own_shift(double shift[2], const sphere_grid *g, const picture *p, int sphere, double reach)
 {
     double best = -INFINITY;
@@ -178,7 +192,12 @@ static void own_shift(double shift[2], const sphere_grid *g, const picture *p, i
             double x0 = shift[0], y0 = shift[1];
             moved = 0;
             for (int d = 0; d < 5; d++) {
-                double x = x0 + (d == 1 ? step : d == 2 ? -step : 0), y = y0 + (d == 3 ? step : d == 4 ? -step : 0);
+                double x = x0 + (d == 1   ? step
+                                 : d == 2 ? -step
+                                          : 0),
+                       y = y0 + (d == 3   ? step
+                                 : d == 4 ? -step
+                                          : 0);
                 double v = sphere_votes(&rays, g, p, sphere, x, y, 0.5);
                 if (v > best) best = v, shift[0] = x, shift[1] = y, moved = d > 0;
             }
@@ -186,8 +205,8 @@ static void own_shift(double shift[2], const sphere_grid *g, const picture *p, i
     }
 }
 
-/* Move the corners by what the spheres' own shifts say in common: between the corners a shift is bilinear, which to first order is
- * what a homography does; wild shifts lose their weight (Tukey). */
+/* Move the corners by what the spheres' own shifts say in common: between the corners a shift is bilinear,
+ * which to first order is what a homography does; wild shifts lose their weight (Tukey). */
 static void straighten(sphere_seen c[4], const sphere_grid *g, double (*shift)[2], double wild)
 {
     double x[4][2] = {{0}};
@@ -196,7 +215,8 @@ static void straighten(sphere_seen c[4], const sphere_grid *g, double (*shift)[2
         for (int k = 0; k < g->n * g->m; k++) {
             double s = (double)(k % g->n) / (g->n - 1), t = (double)(k / g->n) / (g->m - 1);
             double w[4] = {(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t}, r[2];
-            for (int d = 0; d < 2; d++) r[d] = shift[k][d] - (w[0] * x[0][d] + w[1] * x[1][d] + w[2] * x[2][d] + w[3] * x[3][d]);
+            for (int d = 0; d < 2; d++)
+                r[d] = shift[k][d] - (w[0] * x[0][d] + w[1] * x[1][d] + w[2] * x[2][d] + w[3] * x[3][d]);
             double q = hypot(r[0], r[1]) / wild, weight = q < 1 ? (1 - q * q) * (1 - q * q) : 0;
             for (int i = 0; i < 4; i++) {
                 for (int j = 0; j < 4; j++) a[4 * i + j] += weight * w[i] * w[j];
@@ -209,12 +229,14 @@ static void straighten(sphere_seen c[4], const sphere_grid *g, double (*shift)[2
     for (int k = 0; k < 4; k++) c[k].x += x[k][0], c[k].y += x[k][1];
 }
 
-int sphere_shift_window(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate, errmsg *e)
+int sphere_shift_window(sphere_seen corner[4], const float *pix, int w, int h, int n, int m, double rotate,
+                        errmsg *e)
 {
     picture p;
     sphere_grid g = {.n = n, .m = m};
     sphere_seen c[4], best[4];
-    double mean = (corner[0].r + corner[1].r + corner[2].r + corner[3].r) / 4, b = fmax(1, 0.06 * mean), most = 0;
+    double mean = (corner[0].r + corner[1].r + corner[2].r + corner[3].r) / 4, b = fmax(1, 0.06 * mean),
+           most = 0;
     if (picture_init(&p, pix, w, h)) return err_set(e, "out of memory");
     memcpy(c, corner, sizeof c), memcpy(best, corner, sizeof best);
     for (int k = 0; k < 9 && !through_corners(&g, c, rotate); k++) {
@@ -238,8 +260,8 @@ int sphere_shift_window(sphere_seen corner[4], const float *pix, int w, int h, i
     return 0;
 }
 
-int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate, double reach,
-                  const float *pix, int w, int h, errmsg *e)
+int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_seen corner[4], double rotate,
+                  double reach, const float *pix, int w, int h, errmsg *e)
 {
     int total = g->n * g->m, rc = -1;
     picture p;
@@ -259,10 +281,12 @@ int sphere_refine(sphere_seen *q, sphere_fit *fit, sphere_grid *g, const sphere_
     }
     place(g, c, corner, reach, &p, rotate);
     fit->votes = all_votes(g, &p, 0.5, 1) / mean;
-    for (int it = 0, better = 1; better && it < 5; it++) { /* what the spheres say, and what fits all; the first time far around */
+    for (int it = 0, better = 1; better && it < 5;
+         it++) { /* what the spheres say, and what fits all; the first time far around */
         sphere_grid best = *g;
         better = 0;
-        for (int moved = 0; moved < 2; moved++) { /* from here, and from where the spheres' own shifts point: shadows can mislead them */
+        for (int moved = 0; moved < 2; moved++) { /* from here, and from where the spheres' own shifts point:
+                                                     shadows can mislead them */
             sphere_seen t[4];
             sphere_grid try = *g;
             memcpy(t, c, sizeof t);

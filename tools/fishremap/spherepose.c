@@ -68,7 +68,9 @@ int sphere_pose_find(sphere_pose *p, const sphere_grid *g, double distance, doub
     }
     double got = pose_for(&t, g, sqrt(lo * hi), cx, cy);
     if (!(fabs(got - distance) < 1e-3 * distance) || !(t.camera[2] > 0) || t.tilt > 0.6)
-        return err_set(e, "expected a camera at %.4g sphere pitches above the array, found none that sees the grid so", distance);
+        return err_set(
+            e, "expected a camera at %.4g sphere pitches above the array, found none that sees the grid so",
+            distance);
     *p = t;
     return 0;
 }

@@ -20,12 +20,9 @@
 static double across(char type, double half, double extent)
 {
     switch (type) {
-    case 'a':
-        return extent * half / DEG <= 180 * (1 + 1e-12) ? 2 * extent * half / DEG : NAN;
-    case 'h':
-        return 2 * asin(extent * sin(half)) / DEG; /* NaN beyond 1 */
-    default:
-        return 4 * atan(extent * tan(half / 2)) / DEG;
+    case 'a': return extent * half / DEG <= 180 * (1 + 1e-12) ? 2 * extent * half / DEG : NAN;
+    case 'h': return 2 * asin(extent * sin(half)) / DEG; /* NaN beyond 1 */
+    default: return 4 * atan(extent * tan(half / 2)) / DEG;
     }
 }
 

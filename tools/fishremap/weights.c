@@ -13,12 +13,13 @@
 
 #define TABLE 16384
 
-/* Solid angle per area of picture (radius 1) at r.  The orthographic lens's 1/cos has no bound at the rim of 180
- * degrees, though its integral has: there the mean over the ring that a pixel of half width d reaches. */
+/* Solid angle per area of picture (radius 1) at r.  The orthographic lens's 1/cos has no bound at the rim of
+ * 180 degrees, though its integral has: there the mean over the ring that a pixel of half width d reaches. */
 static double per_area_at(const lens *l, double r, double d)
 {
     if (l->kind != LENS_ORTHOGRAPHIC) return lens_solid_angle(l, r);
-    const double r0 = fmax(fmin(r, 1) - d, 0), r1 = fmin(r + d, 1), a = lens_angle(l, r0), b = lens_angle(l, r1);
+    const double r0 = fmax(fmin(r, 1) - d, 0), r1 = fmin(r + d, 1), a = lens_angle(l, r0),
+                 b = lens_angle(l, r1);
     return 4 * sin((a + b) / 2) * sin((b - a) / 2) / (r1 * r1 - r0 * r0);
 }
 
@@ -47,9 +48,11 @@ int geometry_init(geometry *g, const chart *dst, const chart *src, const unsigne
         return err_set(e, "out of memory");
     }
     for (int k = 0; k <= TABLE + 1; k++)
-        table[k] = (float)(per_area_at(&src->lens, (double)k / TABLE, 0.5 / src->radius) / chart_disc_scale(src));
-    const float scale = (float)(TABLE / src->radius), a00 = (float)src->unshape[0][0] * scale, a01 = (float)src->unshape[0][1] * scale,
-                a10 = (float)src->unshape[1][0] * scale, a11 = (float)src->unshape[1][1] * scale;
+        table[k] =
+            (float)(per_area_at(&src->lens, (double)k / TABLE, 0.5 / src->radius) / chart_disc_scale(src));
+    const float scale = (float)(TABLE / src->radius), a00 = (float)src->unshape[0][0] * scale,
+                a01 = (float)src->unshape[0][1] * scale, a10 = (float)src->unshape[1][0] * scale,
+                a11 = (float)src->unshape[1][1] * scale;
     const float limit = (float)TABLE + (float)M_SQRT1_2 * fmaxf(hypotf(a00, a10), hypotf(a01, a11));
 #pragma omp parallel for schedule(static)
     for (int y = 0; y < h; y++) {
@@ -130,8 +133,10 @@ static int row_push(row *r, uint32_t px, double w, double wx, double wy)
     return 0;
 }
 
-/* Overlaps of the contour begun in b->cells, those above `least` pixels, become entries; *total gets the solid angle. */
-static int collect(double *total, row *r, bench *b, const geometry *g, int x0, int y0, int x1, int y1, int sense, double least)
+/* Overlaps of the contour begun in b->cells, those above `least` pixels, become entries; *total gets the
+ * solid angle. */
+static int collect(double *total, row *r, bench *b, const geometry *g, int x0, int y0, int x1, int y1,
+                   int sense, double least)
 {
     const chart *s = g->src;
     size_t w = (size_t)(x1 - x0);
@@ -152,8 +157,10 @@ static int collect(double *total, row *r, bench *b, const geometry *g, int x0, i
             size_t at = (size_t)y * (size_t)s->width + (size_t)px;
             double j = g->per_area[s->kind == CHART_GRID ? (size_t)y : at];
             if (j <= 0 || (g->skip && g->skip[at])) continue;
-            double weight = area * j; /* the mean of the solid angle per area over this piece: towards a pole it falls to 0 within a pixel */
-            if (s->kind == CHART_GRID) weight = fmax(weight + sense * c->my * (double)g->per_area_grows[y], 0);
+            double weight = area * j; /* the mean of the solid angle per area over this piece: towards a pole
+                                         it falls to 0 within a pixel */
+            if (s->kind == CHART_GRID)
+                weight = fmax(weight + sense * c->my * (double)g->per_area_grows[y], 0);
             if (row_push(r, (uint32_t)at, weight, sense * c->mx * j, sense * c->my * j)) return -1;
             *total += weight;
         }
@@ -198,7 +205,8 @@ static int texel(row *r, bench *b, const geometry *g, int x, int y)
     /* inside out: the texel around the far pole */
     double a = sense * twice_area(xy, n) / 2;
     int around = s->kind == CHART_DISC && b->rim && a < -0.25 * M_PI * chart_disc_scale(s);
-    /* what an outline that runs along the rim and back encloses is rounding; but a texel can itself be a speck of a pixel */
+    /* what an outline that runs along the rim and back encloses is rounding; but a texel can itself be a
+     * speck of a pixel */
     double extent = box[2] - box[0] + box[3] - box[1], least = 1e-9;
     if (fabs(a) < 1 && fabs(a) > 1e-9 * extent * extent) least = 1e-9 * fabs(a);
     if (around) bounds(box, b->rim, b->nrim);

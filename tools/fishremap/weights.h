@@ -9,14 +9,14 @@
 #include "remap.h"
 
 typedef struct entry {
-    uint32_t px;      /* source pixel */
-    float w, wx, wy;  /* weight and weighted offset from the pixel's centre, of sum(w) = 1 */
+    uint32_t px;     /* source pixel */
+    float w, wx, wy; /* weight and weighted offset from the pixel's centre, of sum(w) = 1 */
 } entry;
 
 typedef struct row {
     entry *e;
     size_t n, room;
-    size_t *end;   /* texel x owns e[end[x-1]..end[x]) */
+    size_t *end; /* texel x owns e[end[x-1]..end[x]) */
     float *alpha;
 } row;
 
@@ -24,9 +24,9 @@ typedef struct row {
 typedef struct geometry {
     const chart *dst, *src;
     const unsigned char *skip;
-    float *per_area; /* solid angle per pixel area; disc: per pixel, grid: per row */
+    float *per_area;       /* solid angle per pixel area; disc: per pixel, grid: per row */
     float *per_area_grows; /* grid: its growth per pixel downwards, per row */
-    int whole;       /* the source shows every direction */
+    int whole;             /* the source shows every direction */
 } geometry;
 
 /* What one thread needs. */

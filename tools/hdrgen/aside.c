@@ -1,5 +1,6 @@
 /*
- * aside.c - see aside.h.  These files lie as the series' pixels do in theirs: orientation tags are not followed.
+ * aside.c - see aside.h.  These files lie as the series' pixels do in theirs: orientation tags are not
+ * followed.
  */
 #include "aside.h"
 
@@ -19,7 +20,10 @@ static int load_aside(img *im, const job *j, const char *path, int channels, err
         (channels == 0 || (im->info.channels >= 3 ? 3 : 1) == channels))
         return 0;
     err_set(e, "%s: expected %dx%d pixels%s as the series has, found %dx%d", path, f->width, f->height,
-            channels == 3 ? " in colour" : channels == 1 ? " in grey" : "", im->info.width, im->info.height);
+            channels == 3   ? " in colour"
+            : channels == 1 ? " in grey"
+                            : "",
+            im->info.width, im->info.height);
     img_free(im);
     return -1;
 }
@@ -59,21 +63,17 @@ int aside_heal(job *j, errmsg *e)
     const frames_facts *f = frames_get_facts(j->frames);
     size_t pixels = (size_t)f->width * (size_t)f->height;
     img mask;
-    if (load_aside(&mask, j, j->opts.hot, 0, e))
-        return -1;
+    if (load_aside(&mask, j, j->opts.hot, 0, e)) return -1;
     uint8_t *marked = calloc(pixels, 1);
     int from = mask.info.channels, step = j->mosaic ? j->mosaic->columns : 1;
     for (size_t i = 0; marked && i < pixels; i++) {
-        for (int c = 0; c < (from >= 3 ? 3 : 1); c++)
-            marked[i] |= mask.pix[i * (size_t)from + (size_t)c] > 0;
+        for (int c = 0; c < (from >= 3 ? 3 : 1); c++) marked[i] |= mask.pix[i * (size_t)from + (size_t)c] > 0;
         j->facts.healed += marked[i];
     }
     img_free(&mask);
-    if (!marked)
-        return err_set(e, "out of memory");
+    if (!marked) return err_set(e, "out of memory");
     heal_pixels(j->radiance.pix, f->channels, f->width, f->height, marked, step);
-    if (j->sigma)
-        heal_pixels(j->sigma, f->channels, f->width, f->height, marked, step);
+    if (j->sigma) heal_pixels(j->sigma, f->channels, f->width, f->height, marked, step);
     free(marked);
     return 0;
 }

@@ -41,10 +41,8 @@ int basis_eval(const basis *b, double v, int deriv, double out[4])
     v = fmin(fmax(v, k[lo]), k[hi]);
     while (hi - lo > 1) {
         int mid = (lo + hi) / 2;
-        if (v >= k[mid])
-            lo = mid;
-        else
-            hi = mid;
+        if (v >= k[mid]) lo = mid;
+        else hi = mid;
     }
     int s = lo;
     if (deriv == 0) {
@@ -63,13 +61,11 @@ int basis_eval(const basis *b, double v, int deriv, double out[4])
                 double span = k[s + j + 1 - d] - k[s - 3 + j];
                 c[j] = span > 0 ? (4 - d) * (c[j] - c[j - 1]) / span : 0;
             }
-        for (int j = 0; j < 4; j++)
-            coef[f][j] = c[j];
+        for (int j = 0; j < 4; j++) coef[f][j] = c[j];
     }
     for (int f = 0; f < 4; f++) {
         out[f] = 0;
-        for (int j = deriv; j < 4; j++)
-            out[f] += coef[f][j] * low[j - deriv];
+        for (int j = deriv; j < 4; j++) out[f] += coef[f][j] * low[j - deriv];
     }
     return s - 3;
 }
@@ -78,8 +74,7 @@ static double curve_at(const basis *b, const double *c, double v, int deriv)
 {
     double n[4], sum = 0;
     int first = basis_eval(b, v, deriv, n);
-    for (int i = 0; i < 4; i++)
-        sum += n[i] * c[first + i];
+    for (int i = 0; i < 4; i++) sum += n[i] * c[first + i];
     return sum;
 }
 

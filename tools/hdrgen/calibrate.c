@@ -47,8 +47,8 @@ static double sharing(const double *lnt, int kk)
 }
 
 /* Rows of one channel; columns: spline changes (if fitted), then time changes (if fitted). */
-static int add_rows(qrls *q, const channel *h, const response *r, const double *lnt,
-                    const basis *b, int curve_cols, int time_cols, double *rows, double *u)
+static int add_rows(qrls *q, const channel *h, const response *r, const double *lnt, const basis *b,
+                    int curve_cols, int time_cols, double *rows, double *u)
 {
     int m = qrls_columns(q) + 1;
     double shared = sharing(lnt, h->kk);
@@ -57,24 +57,20 @@ static int add_rows(qrls *q, const channel *h, const response *r, const double *
         for (int k = 0; k < h->kk; k++) {
             const cellsum *c = &h->cell[i * h->kk + k];
             double w = h->w[i * h->kk + k];
-            if (c->n < 1 || !(w > 0))
-                continue;
+            if (c->n < 1 || !(w > 0)) continue;
             w = 1 / sqrt(1 / (w * c->n) + shared * h->model_error);
             double *row = rows + (size_t)used * (size_t)m, f[4];
             memset(row, 0, sizeof *row * (size_t)m);
             if (curve_cols) {
                 double z = response_forward(r, h->c, bin_x(h, i) * exp(lnt[k]));
                 int first = basis_eval(b, log(fmax(z, 1)), 0, f);
-                for (int j = 0; j < 4; j++)
-                    row[first + j] = w * f[j];
+                for (int j = 0; j < 4; j++) row[first + j] = w * f[j];
             }
-            if (time_cols)
-                row[curve_cols + k] = -w;
+            if (time_cols) row[curve_cols + k] = -w;
             row[m - 1] = -w * c->rho / c->n;
             u[used++] = -w;
         }
-        if (used > 1 && qrls_add_eliminating(q, rows, u, used))
-            return -1;
+        if (used > 1 && qrls_add_eliminating(q, rows, u, used)) return -1;
     }
     return 0;
 }
@@ -92,21 +88,18 @@ static double curve_change(const channel *h, const response *r, const double *ln
     for (int i = 0; i < BINS; i++)
         for (int k = 0; k < h->kk; k++) {
             double w = h->w[i * h->kk + k] * h->cell[i * h->kk + k].n, d = 0;
-            if (!(w > 0))
-                continue;
+            if (!(w > 0)) continue;
             double z = response_forward(r, h->c, bin_x(h, i) * exp(lnt[k]));
             int first = basis_eval(b, log(fmax(z, 1)), 0, f);
-            for (int j = 0; j < 4; j++)
-                d += f[j] * x[first + j];
+            for (int j = 0; j < 4; j++) d += f[j] * x[first + j];
             sum += w * d * d;
             weight += w;
         }
     return weight > 0 ? sqrt(sum / weight) : 0;
 }
 
-static int solve_step(step *d, const channel *h, const response *r, const double *lnt,
-                      const double *lnt0, const basis *b, const double *c, const calib_opts *o,
-                      calib_facts *facts, errmsg *e)
+static int solve_step(step *d, const channel *h, const response *r, const double *lnt, const double *lnt0,
+                      const basis *b, const double *c, const calib_opts *o, calib_facts *facts, errmsg *e)
 {
     int cc = o->fit_response ? BASIS_N : 0, tc = o->fit_times ? h->kk : 0, n = cc + tc, code = -1;
     double *x = calloc((size_t)n + 1, sizeof *x), *u = calloc((size_t)h->kk, sizeof *u);
@@ -131,20 +124,16 @@ static int solve_step(step *d, const channel *h, const response *r, const double
         row[cc + k] = w;
         row[n] = w * (lnt0[k] - lnt[k]);
     }
-    if (qrls_solve(q, x, 1e-13, &qf, e))
-        goto done;
+    if (qrls_solve(q, x, 1e-13, &qf, e)) goto done;
     facts->condition[h->c] = qf.condition;
     d->change = cc ? curve_change(h, r, lnt, b, x) : 0;
     double largest = 0;
-    for (int j = 0; j < cc; j++)
-        largest = fmax(largest, fabs(x[j]));
-    for (int j = 0; j < cc; j++)
-        d->dc[j] = x[j] * fmin(1, longest_step / fmax(largest, longest_step));
+    for (int j = 0; j < cc; j++) largest = fmax(largest, fabs(x[j]));
+    for (int j = 0; j < cc; j++) d->dc[j] = x[j] * fmin(1, longest_step / fmax(largest, longest_step));
     for (int k = 0; k < tc; k++) {
         d->dtau[k] = fmin(fmax(x[cc + k], -0.7), 0.7);
         d->info[k] = 1e-3;
-        for (int i = 0; i < BINS; i++)
-            d->info[k] += h->cell[i * h->kk + k].n * h->w[i * h->kk + k];
+        for (int i = 0; i < BINS; i++) d->info[k] += h->cell[i * h->kk + k].n * h->w[i * h->kk + k];
     }
     code = 0;
 done:
@@ -164,12 +153,10 @@ static int one_round(response *r, noise_model *noise, double *lnt, const double 
     double *dtau = calloc((size_t)(4 * kk), sizeof *dtau);
     step d = {.dtau = dtau ? dtau + 2 * kk : NULL, .info = dtau ? dtau + 3 * kk : NULL};
     *change = 0;
-    if (!dtau)
-        return err_set(e, "out of memory");
+    if (!dtau) return err_set(e, "out of memory");
     for (int c = 0; c < nc; c++) {
         channel_prepare(&h[c], r, &noise[c], lnt);
-        if (facts->rounds == 0)
-            channel_first_x(&h[c], r, &noise[c]);
+        if (facts->rounds == 0) channel_first_x(&h[c], r, &noise[c]);
         channel_gather(&h[c]);
         if (o->fit_noise && channel_fit_noise(&noise[c], &h[c], r, lnt, &o->fixed_noise, facts->rounds > 2)) {
             err_set(e, "out of memory");
@@ -179,15 +166,12 @@ static int one_round(response *r, noise_model *noise, double *lnt, const double 
         h[c].slack = fmax(1, h[c].slack / 2);
         facts->pixels[c] = channel_pixels(&h[c]);
         facts->chi2[c] = channel_chi2(&h[c]);
-        if (!o->fit_response && !o->fit_times)
-            continue;
-        if (solve_step(&d, &h[c], r, lnt, lnt0, b, coef[c], o, facts, e))
-            goto done;
+        if (!o->fit_response && !o->fit_times) continue;
+        if (solve_step(&d, &h[c], r, lnt, lnt0, b, coef[c], o, facts, e)) goto done;
         /* a step that is no larger than what no curve explains would only fit the misfit */
         double small = misfit_steps * sqrt(h[c].model_error);
         *change = fmax(*change, o->fit_response && d.change > small ? d.change : 0);
-        for (int j = 0; j < BASIS_N && o->fit_response; j++)
-            coef[c][j] += d.dc[j];
+        for (int j = 0; j < BASIS_N && o->fit_response; j++) coef[c][j] += d.dc[j];
         for (int k = 0; k < kk && o->fit_times; k++) {
             dtau[k] += d.info[k] * d.dtau[k];
             dtau[kk + k] += d.info[k];
@@ -200,12 +184,12 @@ static int one_round(response *r, noise_model *noise, double *lnt, const double 
     }
     for (int c = 0; c < nc && o->fit_response; c++) {
         int bad = curve_to_table(r, c, b, coef[c]);
-        if (bad == -2)
-            err_set(e, "out of memory");
+        if (bad == -2) err_set(e, "out of memory");
         else if (bad)
-            err_set(e, "channel %d: the recovered response is not a curve: times or order of the images wrong?", c);
-        if (bad)
-            goto done;
+            err_set(e,
+                    "channel %d: the recovered response is not a curve: times or order of the images wrong?",
+                    c);
+        if (bad) goto done;
     }
     code = 0;
 done:
@@ -215,8 +199,7 @@ done:
 
 static int copy_response(response *to, const response *from, errmsg *e)
 {
-    if (response_alloc(to, from->channels, from->max_code, e))
-        return -1;
+    if (response_alloc(to, from->channels, from->max_code, e)) return -1;
     memcpy(to->origin, from->origin, sizeof to->origin);
     memcpy(to->clip, from->clip, sizeof to->clip);
     for (int c = 0; c < from->channels; c++)
@@ -228,10 +211,8 @@ static int copy_response(response *to, const response *from, errmsg *e)
 static int rescale(response *r, noise_model *m)
 {
     double before[RESPONSE_MAX_CHANNELS];
-    for (int c = 0; c < r->channels; c++)
-        before[c] = r->finv[c][r->max_code];
-    if (response_normalise(r))
-        return -1;
+    for (int c = 0; c < r->channels; c++) before[c] = r->finv[c][r->max_code];
+    if (response_normalise(r)) return -1;
     for (int c = 0; c < r->channels; c++) {
         double by = r->finv[c][r->max_code] / before[c];
         m[c].photon *= by;
@@ -263,17 +244,15 @@ int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, 
             err_set(e, "out of memory");
             goto done;
         }
-        if (o->fit_response && curve_from_table(coef[c], r, c, &b, e))
-            goto done;
+        if (o->fit_response && curve_from_table(coef[c], r, c, &b, e)) goto done;
     }
     for (; facts->rounds < MAX_ROUNDS; facts->rounds++) {
-        if (one_round(&work, m, t, lnt, h, &b, coef, o, facts, &change, e))
-            goto done;
-        if (facts->rounds + 1 >= MIN_ROUNDS && change < 5e-4)
-            break;
+        if (one_round(&work, m, t, lnt, h, &b, coef, o, facts, &change, e)) goto done;
+        if (facts->rounds + 1 >= MIN_ROUNDS && change < 5e-4) break;
     }
     if (o->fit_response && rescale(&work, m)) {
-        err_set(e, "the recovered responses of the channels have nothing in common: times or order of the images wrong?");
+        err_set(e, "the recovered responses of the channels have nothing in common: times or order of the "
+                   "images wrong?");
         goto done;
     }
     memcpy(lnt, t, sizeof *t * (size_t)kk);
@@ -283,8 +262,7 @@ int calibrate(response *r, noise_model *noise, double *lnt, calib_facts *facts, 
     memset(&work, 0, sizeof work);
     code = 0;
 done:
-    for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++)
-        channel_free(&h[c]);
+    for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++) channel_free(&h[c]);
     response_free(&work);
     free(t);
     return code;

@@ -18,9 +18,9 @@ typedef struct calib_opts {
 } calib_opts;
 
 typedef struct calib_facts {
-    int pixels[RESPONSE_MAX_CHANNELS];    /* that took part */
+    int pixels[RESPONSE_MAX_CHANNELS]; /* that took part */
     double condition[RESPONSE_MAX_CHANNELS];
-    double chi2[RESPONSE_MAX_CHANNELS];   /* mean squared residual over its variance; 1 is right */
+    double chi2[RESPONSE_MAX_CHANNELS]; /* mean squared residual over its variance; 1 is right */
     int rounds;
 } calib_facts;
 

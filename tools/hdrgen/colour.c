@@ -1,9 +1,10 @@
 /*
  * colour.c - see colour.h.
  *
- * RGB to XYZ from primaries and white: SMPTE RP 177.  BT.709 as in IEC 61966-2-1; ACEScg: AP1 primaries and white of
- * Academy S-2014-004.  The light itself is kept: no white is adapted to another, so that whoever converts by the
- * chromaticities that are written finds the same XYZ in every space (grey, which is D65's, is not R = G = B in ACEScg).
+ * RGB to XYZ from primaries and white: SMPTE RP 177.  BT.709 as in IEC 61966-2-1; ACEScg: AP1 primaries and
+ * white of Academy S-2014-004.  The light itself is kept: no white is adapted to another, so that whoever
+ * converts by the chromaticities that are written finds the same XYZ in every space (grey, which is D65's, is
+ * not R = G = B in ACEScg).
  */
 #include "colour.h"
 

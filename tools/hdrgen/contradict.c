@@ -18,17 +18,17 @@
 
 enum { LEVELS = 12, FEW = 40, MANY = 2000 };
 
-static const double too_far = 5;        /* of what is usual */
-static const double always = 0.12;      /* ln: flicker, small shifts, errors of the curve */
-static const double most_above = 3;     /* no level's usual is above this many times the whole series' */
-static const double well_known = 0.25;  /* relative deviation: samples known worse contradict nothing */
+static const double too_far = 5;       /* of what is usual */
+static const double always = 0.12;     /* ln: flicker, small shifts, errors of the curve */
+static const double most_above = 3;    /* no level's usual is above this many times the whole series' */
+static const double well_known = 0.25; /* relative deviation: samples known worse contradict nothing */
 
 typedef struct pairing {
     const samples *s;
     const double *lnt;
     int c;
-    double *ln_y, *sd;       /* [max_code + 1] ln finv and its relative deviation */
-    unsigned char *level;    /* [max_code + 1] */
+    double *ln_y, *sd;    /* [max_code + 1] ln finv and its relative deviation */
+    unsigned char *level; /* [max_code + 1] */
 } pairing;
 
 static void pairing_free(pairing *p)
@@ -38,15 +38,15 @@ static void pairing_free(pairing *p)
     free(p->level);
 }
 
-static int pairing_init(pairing *p, const samples *s, int c, const response *r, const noise_model *m, const double *lnt)
+static int pairing_init(pairing *p, const samples *s, int c, const response *r, const noise_model *m,
+                        const double *lnt)
 {
     size_t n = (size_t)s->max_code + 1;
     *p = (pairing){.s = s, .lnt = lnt, .c = c};
     p->ln_y = malloc(n * sizeof *p->ln_y);
     p->sd = malloc(n * sizeof *p->sd);
     p->level = malloc(n);
-    if (!p->ln_y || !p->sd || !p->level)
-        return -1;
+    if (!p->ln_y || !p->sd || !p->level) return -1;
     double top = r->finv[c][r->clip[c]];
     for (int z = 1; z <= s->max_code; z++) {
         double y = r->finv[c][z];
@@ -69,13 +69,10 @@ static int next_pair(const pairing *p, int i, int *k, int *l, double *d, double 
 {
     const uint16_t *z = p->s->z[p->c] + (size_t)i * (size_t)p->s->exposures;
     int at = *l < 0 ? 0 : *l, n = p->s->exposures;
-    while (at < n && !inside(p, z[at]))
-        at++;
+    while (at < n && !inside(p, z[at])) at++;
     int next = at + 1;
-    while (next < n && !inside(p, z[next]))
-        next++;
-    if (next >= n)
-        return 0;
+    while (next < n && !inside(p, z[next])) next++;
+    if (next >= n) return 0;
     *k = at;
     *l = next;
     *d = p->ln_y[z[next]] - p->lnt[next] - p->ln_y[z[at]] + p->lnt[at];
@@ -91,8 +88,7 @@ static int by_value(const void *a, const void *b)
 
 static double median(float *v, int n)
 {
-    if (n == 0)
-        return 0;
+    if (n == 0) return 0;
     qsort(v, (size_t)n, sizeof *v, by_value);
     return (double)v[n / 2];
 }
@@ -106,7 +102,8 @@ static int usual(double q[LEVELS], const pairing *p)
     float *v = malloc((most + 1) * sizeof *v), *part = malloc((most + 1) * sizeof *part);
     unsigned char *level = malloc(most + 1);
     int n = 0;
-    int every = p->s->n[p->c] > MANY ? p->s->n[p->c] / MANY : 1; /* medians of so many are known well enough */
+    int every =
+        p->s->n[p->c] > MANY ? p->s->n[p->c] / MANY : 1; /* medians of so many are known well enough */
     for (int i = 0; v && part && level && i < p->s->n[p->c]; i += every) {
         int k = -1, l = -1;
         double d, sd;
@@ -123,8 +120,7 @@ static int usual(double q[LEVELS], const pairing *p)
         for (int b = 0; b < LEVELS; b++) {
             int m = 0;
             for (int i = 0; i < n; i++)
-                if (level[i] == b)
-                    part[m++] = v[i];
+                if (level[i] == b) part[m++] = v[i];
             q[b] = m < FEW ? all : fmin(fmax(median(part, m) / normal, 1), most_above * all);
         }
     }
@@ -144,8 +140,7 @@ static int mark_channel(samples *s, int c, const response *r, const noise_model 
         double d, sd;
         const uint16_t *z = s->z[c] + (size_t)i * (size_t)s->exposures;
         while (next_pair(&p, i, &k, &l, &d, &sd))
-            if (fabs(d) > always + too_far * q[p.level[z[k]]] * sd)
-                s->out[c][i] = 1;
+            if (fabs(d) > always + too_far * q[p.level[z[k]]] * sd) s->out[c][i] = 1;
     }
     pairing_free(&p);
     return bad;
@@ -194,11 +189,9 @@ static void add_pixel(sums *t, const pairing *p, int i, const float limit[2])
         t->var += sd * sd;
         t->steep[class] += cut * cut - sd * sd;
         t->steep_n[class]++;
-        if (l == k + 1 && t->n[k] < t->most)
-            t->d[k * t->most + t->n[k]++] = (float)d;
+        if (l == k + 1 && t->n[k] < t->most) t->d[k * t->most + t->n[k]++] = (float)d;
     }
-    if (!any)
-        return;
+    if (!any) return;
     int x = (int)(s->at[p->c][i] % (uint32_t)s->width), y = (int)(s->at[p->c][i] / (uint32_t)s->width);
     int cell = (int)((int64_t)y * GRID / s->height) * GRID + (int)((int64_t)x * GRID / s->width);
     t->pixels++;
@@ -246,11 +239,11 @@ static void find_cause(contradict_facts *f, sums *t, int kk)
     double spread, flat = t->steep_n[0] > 0 ? fmax(t->steep[0] / t->steep_n[0], 1e-6) : 1;
     double steep = t->steep_n[2] > 0 ? t->steep[2] / t->steep_n[2] : 0;
     f->exposure = odd_one(t, kk, &f->off, &spread);
-    f->cause = in_few_places(t) > concentrated                ? CAUSE_REGION
-               : steep > edges * flat                         ? CAUSE_CAMERA
-               : f->exposure >= 0 && fabs(f->off) > factor    ? CAUSE_EXPOSURE
-               : spread > shifts                              ? CAUSE_CURVE
-                                                              : CAUSE_UNKNOWN;
+    f->cause = in_few_places(t) > concentrated             ? CAUSE_REGION
+               : steep > edges * flat                      ? CAUSE_CAMERA
+               : f->exposure >= 0 && fabs(f->off) > factor ? CAUSE_EXPOSURE
+               : spread > shifts                           ? CAUSE_CURVE
+                                                           : CAUSE_UNKNOWN;
 }
 
 /* Moves the differences together: the last thing that is done with them. */
@@ -258,8 +251,7 @@ static double usual_difference(sums *t, int kk)
 {
     int n = 0;
     for (int k = 0; k < kk; k++)
-        for (int i = 0; i < t->n[k]; i++)
-            t->d[n++] = fabsf(t->d[k * t->most + i]);
+        for (int i = 0; i < t->n[k]; i++) t->d[n++] = fabsf(t->d[k * t->most + i]);
     return median(t->d, n) / 0.6745;
 }
 
@@ -269,7 +261,8 @@ int contradict_matters(const contradict_facts *f)
     return f->pairs > FEW && (f->stops > most || (f->stops > of_many && f->share > many));
 }
 
-static int measure_channel(sums *t, const samples *s, int c, const response *r, const noise_model *m, const double *lnt)
+static int measure_channel(sums *t, const samples *s, int c, const response *r, const noise_model *m,
+                           const double *lnt)
 {
     /* a fit to exposures that contradict each other takes the contradiction for noise: no camera has more
      * than this */
@@ -278,15 +271,13 @@ static int measure_channel(sums *t, const samples *s, int c, const response *r, 
     float *steep = malloc(((size_t)s->n[c] + 1) * sizeof *steep), limit[2] = {0};
     int bad = pairing_init(&p, s, c, r, &least, lnt) || !steep;
     int every = s->n[c] > 6 * MANY ? s->n[c] / (6 * MANY) : 1, n = 0;
-    for (int i = 0; !bad && i < s->n[c]; i += every)
-        steep[n++] = s->steep[c][i];
+    for (int i = 0; !bad && i < s->n[c]; i += every) steep[n++] = s->steep[c][i];
     if (n > 0) {
         qsort(steep, (size_t)n, sizeof *steep, by_value);
         limit[0] = steep[n / 3];
         limit[1] = steep[n - n / 6 - 1];
     }
-    for (int i = 0; !bad && i < s->n[c]; i += every)
-        add_pixel(t, &p, i, limit);
+    for (int i = 0; !bad && i < s->n[c]; i += every) add_pixel(t, &p, i, limit);
     pairing_free(&p);
     free(steep);
     return bad;

@@ -25,12 +25,12 @@ typedef enum contradict_cause {
 } contradict_cause;
 
 typedef struct contradict_facts {
-    double stops;      /* rms difference of neighbouring exposures beyond noise, log2; differences count up to 2 */
-    double usual;      /* deviation of a normal distribution with the differences' median, ln */
-    double share;      /* part of the pixels whose exposures differ by more than a quarter stop beyond noise */
-    int pairs;         /* of samples that were compared; 0: nothing is known */
+    double stops; /* rms difference of neighbouring exposures beyond noise, log2; differences count up to 2 */
+    double usual; /* deviation of a normal distribution with the differences' median, ln */
+    double share; /* part of the pixels whose exposures differ by more than a quarter stop beyond noise */
+    int pairs;    /* of samples that were compared; 0: nothing is known */
     contradict_cause cause;
-    int exposure;      /* CAUSE_EXPOSURE: which one, and by how many stops it is too bright for its time */
+    int exposure; /* CAUSE_EXPOSURE: which one, and by how many stops it is too bright for its time */
     double off;
 } contradict_facts;
 

@@ -17,8 +17,7 @@ static int slope_prior(qrls *q, const basis *b, const double *c)
     for (int i = 0; i < BASIS_INTERVALS; i++) {
         double v = 0.5 * (b->knot[3 + i] + b->knot[4 + i]), n[4], now = 0;
         double w = sqrt(b->knot[4 + i] - b->knot[3 + i]) / slope_spread, *row = qrls_row(q);
-        if (!row)
-            return -1;
+        if (!row) return -1;
         int first = basis_eval(b, v, 1, n);
         for (int k = 0; k < 4; k++) {
             row[first + k] = w * n[k];
@@ -29,8 +28,8 @@ static int slope_prior(qrls *q, const basis *b, const double *c)
     return 0;
 }
 
-/* d2g/dv2 that curves have at code u * max: next to none where few samples outweigh the read noise (there a power
- * law is the best guess), much from a film's floor on and towards the shoulder. */
+/* d2g/dv2 that curves have at code u * max: next to none where few samples outweigh the read noise (there a
+ * power law is the best guess), much from a film's floor on and towards the shoulder. */
 static double usual_bend(double u)
 {
     double u4 = u * u * u * u;
@@ -39,8 +38,7 @@ static double usual_bend(double u)
 
 int curve_penalty(qrls *q, const basis *b, double lambda, const double *c)
 {
-    if (slope_prior(q, b, c))
-        return -1;
+    if (slope_prior(q, b, c)) return -1;
     for (int i = 0; i < BASIS_INTERVALS; i++) {
         double v0 = b->knot[3 + i], v1 = b->knot[4 + i], dv = (v1 - v0) / PER_INTERVAL;
         for (int j = 0; j < PER_INTERVAL; j++) {
@@ -48,8 +46,7 @@ int curve_penalty(qrls *q, const basis *b, double lambda, const double *c)
             double bend = usual_bend(exp(v) / b->max_code);
             int first = basis_eval(b, v, 2, n);
             double w = sqrt(lambda * dv) / bend, *row = qrls_row(q);
-            if (!row)
-                return -1;
+            if (!row) return -1;
             for (int k = 0; k < 4; k++) {
                 row[first + k] = w * n[k];
                 now += c ? n[k] * c[first + k] : 0;
@@ -64,17 +61,14 @@ int curve_gauge(qrls *q, const basis *b, double weight)
 {
     enum { STEPS = 256 };
     double *row = qrls_row(q), n[4], sum = 0;
-    if (!row)
-        return -1;
+    if (!row) return -1;
     for (int i = 1; i < STEPS; i++) {
         double z = b->max_code * i / STEPS, w = fmin(i, STEPS - i);
         int first = basis_eval(b, log(fmax(z, 1)), 0, n);
-        for (int k = 0; k < 4; k++)
-            row[first + k] += w * n[k];
+        for (int k = 0; k < 4; k++) row[first + k] += w * n[k];
         sum += w;
     }
-    for (int k = 0; k < BASIS_N; k++)
-        row[k] *= weight / sum;
+    for (int k = 0; k < BASIS_N; k++) row[k] *= weight / sum;
     return 0;
 }
 
@@ -82,8 +76,7 @@ int curve_to_table(response *r, int ch, const basis *b, const double c[BASIS_N])
 {
     for (int z = 1; z <= r->max_code; z++) {
         double g = basis_curve(b, c, log(z));
-        if (!(fabs(g) < 300))
-            return -1;
+        if (!(fabs(g) < 300)) return -1;
         r->finv[ch][z] = exp(g);
     }
     r->finv[ch][0] = 0;
@@ -95,8 +88,7 @@ int curve_from_table(double c[BASIS_N], const response *r, int ch, const basis *
 {
     enum { NODES = 512 };
     qrls *q = qrls_new(BASIS_N);
-    if (!q)
-        return err_set(e, "out of memory");
+    if (!q) return err_set(e, "out of memory");
     int bad = 0;
     for (int i = 0; i < NODES && !bad; i++) {
         /* evenly in ln z and in z by turns, at whole codes */
@@ -109,16 +101,12 @@ int curve_from_table(double c[BASIS_N], const response *r, int ch, const basis *
             break;
         }
         int first = basis_eval(b, log(code), 0, n);
-        for (int k = 0; k < 4; k++)
-            row[first + k] = 1e4 * n[k];
+        for (int k = 0; k < 4; k++) row[first + k] = 1e4 * n[k];
         row[BASIS_N] = 1e4 * log(r->finv[ch][code]);
     }
-    if (!bad)
-        bad = curve_penalty(q, b, 1, NULL);
-    if (bad)
-        err_set(e, "least squares: LAPACK's QR factorisation failed");
-    else
-        bad = qrls_solve(q, c, 1e-13, NULL, e);
+    if (!bad) bad = curve_penalty(q, b, 1, NULL);
+    if (bad) err_set(e, "least squares: LAPACK's QR factorisation failed");
+    else bad = qrls_solve(q, c, 1e-13, NULL, e);
     qrls_free(q);
     return bad;
 }

@@ -4,8 +4,8 @@
 #ifndef HDRGEN_CURVE_H
 #define HDRGEN_CURVE_H
 
-#include "basis.h"
 #include "base/errmsg.h"
+#include "basis.h"
 #include "qrls.h"
 #include "response.h"
 
@@ -17,7 +17,8 @@ int curve_penalty(qrls *q, const basis *b, double lambda, const double *c);
 /* One heavy row: the hat-weighted mean over the codes of g (of its change) is zero. */
 int curve_gauge(qrls *q, const basis *b, double weight);
 
-/* finv = exp(g) into channel ch, made monotone; -1 when the curve is beyond all bounds, -2 when out of memory. */
+/* finv = exp(g) into channel ch, made monotone; -1 when the curve is beyond all bounds, -2 when out of
+ * memory. */
 int curve_to_table(response *r, int ch, const basis *b, const double c[BASIS_N]);
 
 /* The spline nearest to the table. */

@@ -46,15 +46,12 @@ static int overlapping(const samples *s, int c, const double *lnt)
     for (int k = 0; k < s->exposures; k++) {
         int next = -1; /* the next longer exposure */
         for (int i = 0; i < s->exposures; i++)
-            if (lnt[i] > lnt[k] && (next < 0 || lnt[i] < lnt[next]))
-                next = i;
-        if (next < 0)
-            continue;
+            if (lnt[i] > lnt[k] && (next < 0 || lnt[i] < lnt[next])) next = i;
+        if (next < 0) continue;
         double n = 0, sa = 0, sb = 0, aa = 0, bb = 0, ab = 0;
         for (int i = 0; i < s->n[c]; i++) {
             const uint16_t *z = s->z[c] + (size_t)i * (size_t)s->exposures;
-            if (s->out[c][i] || !usable(z[k], s->max_code) || !usable(z[next], s->max_code))
-                continue;
+            if (s->out[c][i] || !usable(z[k], s->max_code) || !usable(z[next], s->max_code)) continue;
             double a = z[k], b = z[next];
             n++;
             sa += a;
@@ -87,20 +84,16 @@ static int stratify(int **chosen, const samples *s, int c, const double *lnt)
     for (int i = 0; i < n; i++) {
         const uint16_t *z = s->z[c] + (size_t)i * (size_t)s->exposures;
         double sum = 0;
-        for (int k = 0; k < s->exposures; k++)
-            sum += z[k];
+        for (int k = 0; k < s->exposures; k++) sum += z[k];
         stratum[i] = !s->out[c][i] && informative(z, s, lnt) ? (unsigned char)(sum / range * STRATA) : STRATA;
-        if (stratum[i] < STRATA)
-            count[stratum[i]]++;
+        if (stratum[i] < STRATA) count[stratum[i]]++;
     }
     for (int i = 0; i < n; i++) {
         int t = stratum[i];
-        if (t == STRATA)
-            continue;
+        if (t == STRATA) continue;
         long at = seen[t]++, cap = PER_STRATUM;
         /* every count/cap-th one of the stratum */
-        if (count[t] <= cap || (at + 1) * cap / count[t] > at * cap / count[t])
-            (*chosen)[kept++] = i;
+        if (count[t] <= cap || (at + 1) * cap / count[t] > at * cap / count[t]) (*chosen)[kept++] = i;
     }
     free(stratum);
     return kept;
@@ -114,7 +107,7 @@ typedef struct fit {
     const basis *b;
     const int *chosen; /* [n] pixels */
     int n;
-    double *say;       /* [n] weight of each pixel */
+    double *say; /* [n] weight of each pixel */
     double coef[BASIS_N], weight;
     qrls_facts facts;
 } fit;
@@ -140,14 +133,12 @@ static int least_squares(fit *f, errmsg *e)
         const uint16_t *z = s->z[f->c] + (size_t)f->chosen[i] * (size_t)s->exposures;
         int used = 0;
         for (int k = 0; k < s->exposures; k++) {
-            if (!usable(z[k], s->max_code))
-                continue;
+            if (!usable(z[k], s->max_code)) continue;
             double w = f->say[i] * hat(f, z[k]), g[4];
             double *row = rows + (size_t)used * (size_t)m;
             int first = basis_eval(f->b, log(z[k]), 0, g);
             memset(row, 0, sizeof *row * (size_t)m);
-            for (int j = 0; j < 4; j++)
-                row[first + j] = w * g[j];
+            for (int j = 0; j < 4; j++) row[first + j] = w * g[j];
             row[BASIS_N] = w * f->lnt[k];
             u[used++] = w;
             f->weight += w * w;
@@ -159,7 +150,8 @@ static int least_squares(fit *f, errmsg *e)
     }
     code = curve_penalty(q, f->b, f->lambda, NULL) || curve_gauge(q, f->b, sqrt(f->weight)) ||
                    qrls_solve(q, f->coef, 1e-13, &f->facts, e)
-               ? -1 : 0;
+               ? -1
+               : 0;
 done:
     free(rows);
     free(u);
@@ -172,8 +164,7 @@ static void tabulate(const fit *f, double *g, double *var)
 {
     noise_model noise = noise_default();
     int top = f->s->clip[f->c];
-    for (int z = 1; z <= top; z++)
-        g[z] = basis_curve(f->b, f->coef, log(z));
+    for (int z = 1; z <= top; z++) g[z] = basis_curve(f->b, f->coef, log(z));
     for (int z = 1; z < top; z++) {
         double ex = exp(g[z] - g[top]), slope = ex * (z > 1 ? 0.5 * (g[z + 1] - g[z - 1]) : g[2] - g[1]);
         var[z] = noise_variance(&noise, ex, slope) / (ex * ex);
@@ -208,14 +199,13 @@ static int by_value(const void *a, const void *b)
 static double reweigh(fit *f, double *room)
 {
     static const double wide = 3, stands_out = 6, few = 0.003;
-    double change = 0, out = 0, *r = room, *sorted = r + f->n, *g = sorted + f->n, *var = g + f->s->max_code + 1;
+    double change = 0, out = 0, *r = room, *sorted = r + f->n, *g = sorted + f->n,
+           *var = g + f->s->max_code + 1;
     tabulate(f, g, var);
-    for (int i = 0; i < f->n; i++)
-        sorted[i] = r[i] = misfit(f, g, var, i);
+    for (int i = 0; i < f->n; i++) sorted[i] = r[i] = misfit(f, g, var, i);
     qsort(sorted, (size_t)f->n, sizeof *sorted, by_value);
     double usual = fmax(sorted[f->n / 2], 1e-6);
-    for (int i = 0; i < f->n; i++)
-        out += r[i] > stands_out * usual;
+    for (int i = 0; i < f->n; i++) out += r[i] > stands_out * usual;
     for (int i = 0; i < f->n && out > few * f->n; i++) {
         double x = r[i] / (wide * usual), was = f->say[i];
         f->say[i] = 1 / ((1 + x * x) * (1 + x * x));
@@ -224,8 +214,8 @@ static double reweigh(fit *f, double *room)
     return change;
 }
 
-static int one_channel(response *r, int c, solve_facts *facts, const samples *s,
-                       const double *lnt, double lambda, const basis *b, errmsg *e)
+static int one_channel(response *r, int c, solve_facts *facts, const samples *s, const double *lnt,
+                       double lambda, const basis *b, errmsg *e)
 {
     enum { MOST_PASSES = 12 };
     int *chosen = NULL, code = -1;
@@ -238,33 +228,38 @@ static int one_channel(response *r, int c, solve_facts *facts, const samples *s,
         goto done;
     }
     if (n < MIN_PIXELS) {
-        err_set(e, "channel %d: expected at least %d pixels that are neither black nor clipped in two "
-                "exposures of different time, found %d: give --response", c, MIN_PIXELS, n);
+        err_set(e,
+                "channel %d: expected at least %d pixels that are neither black nor clipped in two "
+                "exposures of different time, found %d: give --response",
+                c, MIN_PIXELS, n);
         goto done;
     }
     int pairs = overlapping(s, c, lnt);
     if (pairs < 0) {
-        err_set(e, "channel %d: the longer exposures are the darker ones: times or order of the images wrong?", c);
+        err_set(e,
+                "channel %d: the longer exposures are the darker ones: times or order of the images wrong?",
+                c);
         goto done;
     }
     if (pairs == 0) {
-        err_set(e, "channel %d: expected two exposures that show the same things neither black nor clipped, found "
-                "none: give --response", c);
+        err_set(
+            e,
+            "channel %d: expected two exposures that show the same things neither black nor clipped, found "
+            "none: give --response",
+            c);
         goto done;
     }
-    for (int i = 0; i < n; i++)
-        f.say[i] = 1;
-    if (least_squares(&f, e))
-        goto done;
+    for (int i = 0; i < n; i++) f.say[i] = 1;
+    if (least_squares(&f, e)) goto done;
     for (int pass = 1; pass < MOST_PASSES && reweigh(&f, room + n) > 0.02; pass++)
-        if (least_squares(&f, e))
-            goto done;
+        if (least_squares(&f, e)) goto done;
     int bad = curve_to_table(r, c, b, f.coef);
     if (bad) {
-        if (bad == -2)
-            err_set(e, "out of memory");
+        if (bad == -2) err_set(e, "out of memory");
         else
-            err_set(e, "channel %d: the recovered response is not a curve: times or order of the images wrong?", c);
+            err_set(e,
+                    "channel %d: the recovered response is not a curve: times or order of the images wrong?",
+                    c);
         goto done;
     }
     facts->condition[c] = f.facts.condition;
@@ -277,14 +272,13 @@ done:
     return code;
 }
 
-int debevec_solve(response *r, solve_facts *facts, const samples *s, const double *lnt,
-                  double lambda, errmsg *e)
+int debevec_solve(response *r, solve_facts *facts, const samples *s, const double *lnt, double lambda,
+                  errmsg *e)
 {
     basis b;
     response got;
     memset(facts, 0, sizeof *facts);
-    if (response_alloc(&got, s->channels, s->max_code, e))
-        return -1;
+    if (response_alloc(&got, s->channels, s->max_code, e)) return -1;
     memcpy(got.clip, s->clip, sizeof got.clip);
     basis_init(&b, response_top(&got));
     for (int c = 0; c < s->channels; c++)
@@ -294,7 +288,8 @@ int debevec_solve(response *r, solve_facts *facts, const samples *s, const doubl
         }
     if (response_normalise(&got)) {
         response_free(&got);
-        return err_set(e, "the recovered responses of the channels have nothing in common: times or order of the images wrong?");
+        return err_set(e, "the recovered responses of the channels have nothing in common: times or order of "
+                          "the images wrong?");
     }
     strcpy(got.origin, "debevec");
     *r = got;

@@ -213,10 +213,8 @@ int demosaic(float *rgb, float *rgb_sigma, const float *mosaic, const float *sig
         return err_set(e, "expected a mosaic of 2x2 pixels or more, found %dx%d", width, height);
 #pragma omp parallel for schedule(static)
     for (int y = 0; y < height; y++) {
-        if (bayer)
-            bayer_row(rgb, rgb_sigma, &m, pattern, y);
-        else
-            other_row(rgb, rgb_sigma, &m, pattern, y, 1);
+        if (bayer) bayer_row(rgb, rgb_sigma, &m, pattern, y);
+        else other_row(rgb, rgb_sigma, &m, pattern, y, 1);
     }
 #pragma omp parallel for schedule(static)
     for (int y = 0; y < height; y++)

@@ -6,8 +6,8 @@
 
 #include <stdint.h>
 
-#include "cfa.h"
 #include "base/errmsg.h"
+#include "cfa.h"
 
 /* rgb (width*height*3) from the mosaic (width*height).  rgb_sigma and sigma: standard deviations, both or
  * neither NULL.  Borders are mirrored.  Light is kept: over all places of a lamp each colour's sum is 4

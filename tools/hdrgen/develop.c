@@ -59,8 +59,7 @@ int develop_settle(job *j, errmsg *e)
             double by = other > 0 ? fmax(other / d->balance[c], d->balance[c] / other) - 1 : 0;
             d->balance_differs = fmax(d->balance_differs, d->balance_from >= 0 && by > same_balance ? by : 0);
         }
-    if (j->opts.colour == COLOUR_DEFAULT)
-        j->opts.colour = first->has_matrix ? COLOUR_SRGB : COLOUR_CAMERA;
+    if (j->opts.colour == COLOUR_DEFAULT) j->opts.colour = first->has_matrix ? COLOUR_SRGB : COLOUR_CAMERA;
     else if (!first->has_matrix && j->opts.colour != COLOUR_CAMERA)
         return err_set(e,
                        "%s: expected a camera whose colour matrix is known, found %s: give --colour camera",
@@ -134,10 +133,8 @@ static int to_colours(job *j, errmsg *e)
         }
     }
     int bad = 0;
-    if (half)
-        mosaic_half(rgb.pix, sigma, j->radiance.pix, j->sigma, w, h, j->mosaic);
-    else
-        bad = demosaic(rgb.pix, sigma, j->radiance.pix, j->sigma, w, h, j->mosaic, e);
+    if (half) mosaic_half(rgb.pix, sigma, j->radiance.pix, j->sigma, w, h, j->mosaic);
+    else bad = demosaic(rgb.pix, sigma, j->radiance.pix, j->sigma, w, h, j->mosaic, e);
     img_free(&j->radiance);
     free(j->sigma);
     j->radiance = rgb;
@@ -188,8 +185,7 @@ static void balance_and_matrix(job *j)
 int job_develop(job *j, errmsg *e)
 {
     if (j->mosaic && to_colours(j, e)) return -1;
-    if (j->facts.develop.camera)
-        balance_and_matrix(j);
+    if (j->facts.develop.camera) balance_and_matrix(j);
     else
         for (size_t i = 0; i < (size_t)j->radiance.info.width * (size_t)j->radiance.info.height; i++)
             j->flags[i] &= (uint8_t)~ALL_CLIPPED;

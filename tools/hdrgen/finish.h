@@ -14,7 +14,8 @@ void heal_pixels(float *pix, int channels, int width, int height, const uint8_t 
 
 /* Divide by a flat field that is scaled to mean 1 per channel; values not above 1 % of the
  * mean are refused. */
-int apply_flat(float *pix, float *sigma, float *flat, int channels, int64_t pixels, const char *path, errmsg *e);
+int apply_flat(float *pix, float *sigma, float *flat, int channels, int64_t pixels, const char *path,
+               errmsg *e);
 
 /* Luminance of the rectangle's mean, cd/m2 = 179 times the weighted sum of the channels (0.265, 0.670, 0.065
  * for R, G, B of BT.709); one channel: 179 times it. */

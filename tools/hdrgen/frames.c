@@ -17,12 +17,13 @@ typedef struct frame {
     img_reader *r;
     img_info info;
     sensor_facts *sensor; /* camera raw, else NULL */
-    float *rows;     /* one row as the reader gives it */
-    uint16_t *strip; /* strip_rows of codes */
-    uint8_t *kept8;  /* whole picture, or NULL */
+    float *rows;          /* one row as the reader gives it */
+    uint16_t *strip;      /* strip_rows of codes */
+    uint8_t *kept8;       /* whole picture, or NULL */
     uint16_t *kept16;
-    uint8_t *gone, *kept_gone; /* mask of the strip and of the whole picture, or NULL: nothing can be missing */
-    int64_t present;           /* pixels so far that are not missing */
+    uint8_t *gone,
+        *kept_gone;  /* mask of the strip and of the whole picture, or NULL: nothing can be missing */
+    int64_t present; /* pixels so far that are not missing */
     FILE *spool, *spool_gone; /* codes, mask */
     int failed;
     errmsg why;
@@ -62,8 +63,7 @@ int frames_strip_rows(const frames *f)
 
 void frames_close(frames *f)
 {
-    if (!f)
-        return;
+    if (!f) return;
     for (int k = 0; f->f && k < f->facts.n; k++) {
         frame *p = &f->f[k];
         img_reader_close(p->r);
@@ -74,10 +74,8 @@ void frames_close(frames *f)
         free(p->kept16);
         free(p->gone);
         free(p->kept_gone);
-        if (p->spool)
-            fclose(p->spool);
-        if (p->spool_gone)
-            fclose(p->spool_gone);
+        if (p->spool) fclose(p->spool);
+        if (p->spool_gone) fclose(p->spool_gone);
     }
     free(f->f);
     free(f);
@@ -96,8 +94,7 @@ static int has_alpha(const img_info *i)
 static int any_alpha(const frames *f)
 {
     int any = 0;
-    for (int k = 0; k < f->facts.n; k++)
-        any |= has_alpha(&f->f[k].info);
+    for (int k = 0; k < f->facts.n; k++) any |= has_alpha(&f->f[k].info);
     return any;
 }
 
@@ -136,8 +133,8 @@ static int agree(const frames *f, int k, errmsg *e)
     if (b->coded && (b->max_code < 3 || b->max_code > 65535))
         return err_set(e, "%s: expected codes up to 3..65535, found %g", path, b->max_code);
     if (a->width != b->width || a->height != b->height)
-        return err_set(e, "%s: expected %dx%d pixels as in %s, found %dx%d", path, a->width, a->height,
-                       first, b->width, b->height);
+        return err_set(e, "%s: expected %dx%d pixels as in %s, found %dx%d", path, a->width, a->height, first,
+                       b->width, b->height);
     if (colour_channels(a) != colour_channels(b))
         return err_set(e, "%s: expected a %s image as %s is, found %s", path,
                        colour_channels(a) == 3 ? "colour" : "grey", first,
@@ -177,13 +174,12 @@ static int open_one(frames *f, int k, errmsg *e)
     return 0;
 }
 
-int frames_open(frames **out, char *const *paths, int n, int64_t memory, int bits, const int *fill, int half, errmsg *e)
+int frames_open(frames **out, char *const *paths, int n, int64_t memory, int bits, const int *fill, int half,
+                errmsg *e)
 {
     frames *f = calloc(1, sizeof *f);
-    if (f)
-        f->f = calloc((size_t)n, sizeof *f->f);
-    if (!f || !f->f)
-        goto memory;
+    if (f) f->f = calloc((size_t)n, sizeof *f->f);
+    if (!f || !f->f) goto memory;
     f->facts.n = n;
     f->bits = bits;
     f->half = half;
@@ -213,20 +209,14 @@ int frames_open(frames **out, char *const *paths, int n, int64_t memory, int bit
         frame *p = &f->f[k];
         p->rows = malloc((size_t)i->width * (size_t)p->info.channels * sizeof *p->rows);
         p->strip = malloc(row_codes(f) * (size_t)f->strip_rows * sizeof *p->strip);
-        if (!p->rows || !p->strip)
-            goto memory;
-        if (f->keep && f->facts.max_code < 256)
-            p->kept8 = malloc((size_t)codes);
-        else if (f->keep)
-            p->kept16 = malloc((size_t)codes * 2);
-        if (f->keep && !p->kept8 && !p->kept16)
-            goto memory;
-        if (!f->has_fill && !has_alpha(&p->info))
-            continue;
+        if (!p->rows || !p->strip) goto memory;
+        if (f->keep && f->facts.max_code < 256) p->kept8 = malloc((size_t)codes);
+        else if (f->keep) p->kept16 = malloc((size_t)codes * 2);
+        if (f->keep && !p->kept8 && !p->kept16) goto memory;
+        if (!f->has_fill && !has_alpha(&p->info)) continue;
         p->gone = malloc((size_t)i->width * (size_t)f->strip_rows);
         p->kept_gone = f->keep ? malloc((size_t)pixels) : NULL;
-        if (!p->gone || (f->keep && !p->kept_gone))
-            goto memory;
+        if (!p->gone || (f->keep && !p->kept_gone)) goto memory;
     }
     *out = f;
     return 0;
@@ -241,16 +231,15 @@ int frames_reorder(frames *f, const int *order, errmsg *e)
 {
     size_t n = (size_t)f->facts.n;
     frame *was = malloc(n * sizeof *was);
-    if (!was)
-        return err_set(e, "out of memory");
+    if (!was) return err_set(e, "out of memory");
     memcpy(was, f->f, n * sizeof *was);
-    for (size_t k = 0; k < n; k++)
-        f->f[k] = was[order[k]];
+    for (size_t k = 0; k < n; k++) f->f[k] = was[order[k]];
     free(was);
     return 0;
 }
 
-/* The row's mask.  Below full alpha a pixel is a mixture with what lies outside; rounding of alpha itself is let pass. */
+/* The row's mask.  Below full alpha a pixel is a mixture with what lies outside; rounding of alpha itself is
+ * let pass. */
 static void find_missing(const frames *f, frame *p, const uint16_t *codes, uint8_t *gone)
 {
     static const double full = 254.0 / 255;
@@ -259,7 +248,8 @@ static void find_missing(const frames *f, frame *p, const uint16_t *codes, uint8
     for (int x = 0; x < w; x++) {
         const uint16_t *z = codes + (size_t)x * (size_t)f->facts.channels;
         int alpha = has_alpha(&p->info) && p->rows[(size_t)(x + 1) * (size_t)from - 1] < least;
-        gone[x] = (uint8_t)(alpha || (f->has_fill && z[0] == f->fill[0] && z[1] == f->fill[1] && z[2] == f->fill[2]));
+        gone[x] = (uint8_t)(alpha ||
+                            (f->has_fill && z[0] == f->fill[0] && z[1] == f->fill[1] && z[2] == f->fill[2]));
         p->present += !gone[x];
     }
 }
@@ -274,8 +264,7 @@ static void to_codes(const frames *f, frame *p, uint16_t *to, uint8_t *gone)
             float v = p->rows[(size_t)x * (size_t)from + (size_t)c] + 0.5f;
             to[(size_t)x * (size_t)ch + (size_t)c] = (uint16_t)(v > 0 ? v < top ? v : top : 0);
         }
-    if (!gone)
-        return;
+    if (!gone) return;
     find_missing(f, p, to, gone);
     for (int x = 0; x < w; x++)
         for (int c = 0; c < ch && gone[x]; c++)
@@ -322,12 +311,10 @@ static int fetch(frames *f, frame *p, int y, int rows)
 {
     size_t n = row_codes(f), at = (size_t)y * n, all = (size_t)rows * n;
     if (f->have_all && p->kept8) {
-        for (size_t i = 0; i < all; i++)
-            p->strip[i] = p->kept8[at + i];
+        for (size_t i = 0; i < all; i++) p->strip[i] = p->kept8[at + i];
         return 0;
     }
-    if (f->have_all && p->kept16)
-        return 0; /* frames_next points into kept16 */
+    if (f->have_all && p->kept16) return 0; /* frames_next points into kept16 */
     if (p->spool) {
         size_t pixels = (size_t)rows * (size_t)f->facts.width;
         if (fread(p->strip, sizeof *p->strip, all, p->spool) != all ||
@@ -337,18 +324,17 @@ static int fetch(frames *f, frame *p, int y, int rows)
             if (p->strip[i] > f->facts.max_code) p->strip[i] = (uint16_t)f->facts.max_code;
     } else {
         for (int j = 0; j < rows; j++) {
-            if (img_reader_rows(p->r, p->rows, 1, &p->why))
-                return -1;
-            to_codes(f, p, p->strip + (size_t)j * n, p->gone ? p->gone + (size_t)j * (size_t)f->facts.width : NULL);
+            if (img_reader_rows(p->r, p->rows, 1, &p->why)) return -1;
+            to_codes(f, p, p->strip + (size_t)j * n,
+                     p->gone ? p->gone + (size_t)j * (size_t)f->facts.width : NULL);
         }
     }
     if (p->kept_gone)
-        memcpy(p->kept_gone + (size_t)y * (size_t)f->facts.width, p->gone, (size_t)rows * (size_t)f->facts.width);
+        memcpy(p->kept_gone + (size_t)y * (size_t)f->facts.width, p->gone,
+               (size_t)rows * (size_t)f->facts.width);
     if (p->kept8)
-        for (size_t i = 0; i < all; i++)
-            p->kept8[at + i] = (uint8_t)p->strip[i];
-    if (p->kept16)
-        memcpy(p->kept16 + at, p->strip, all * sizeof *p->strip);
+        for (size_t i = 0; i < all; i++) p->kept8[at + i] = (uint8_t)p->strip[i];
+    if (p->kept16) memcpy(p->kept16 + at, p->strip, all * sizeof *p->strip);
     return 0;
 }
 
@@ -392,7 +378,8 @@ static int whole(frames *f, frame *p, uint16_t *codes, uint8_t *gone)
     }
     if (p->spool)
         return fread(codes, sizeof *codes, n * h, p->spool) == n * h
-                   ? 0 : err_errno(&p->why, "%s: temporary file", p->path);
+                   ? 0
+                   : err_errno(&p->why, "%s: temporary file", p->path);
     for (size_t y = 0; y < h; y++) {
         if (img_reader_rows(p->r, p->rows, 1, &p->why)) return -1;
         to_codes(f, p, codes + y * n, p->gone ? gone + y * w : NULL);
@@ -435,15 +422,15 @@ static int put_back(frames *f, frame *p, const uint16_t *codes, const uint8_t *g
     for (size_t i = 0; i < pixels; i++) p->present += !gone[i];
     if (!f->have_all)
         return spool_whole(&p->spool, codes, all * sizeof *codes, p->path, e) ||
-               spool_whole(&p->spool_gone, gone, pixels, p->path, e) ? -1 : 0;
+                       spool_whole(&p->spool_gone, gone, pixels, p->path, e)
+                   ? -1
+                   : 0;
     if (!p->kept_gone) p->kept_gone = malloc(pixels);
     if (!p->kept_gone) return err_set(e, "%s: out of memory", p->path);
     memcpy(p->kept_gone, gone, pixels);
     for (size_t i = 0; i < all; i++) {
-        if (p->kept8)
-            p->kept8[i] = (uint8_t)codes[i];
-        else
-            p->kept16[i] = codes[i];
+        if (p->kept8) p->kept8[i] = (uint8_t)codes[i];
+        else p->kept16[i] = codes[i];
     }
     return 0;
 }
@@ -455,7 +442,8 @@ int frames_move(frames *f, int k, const motion *m, const warp_opts *o, errmsg *e
     size_t pixels = (size_t)w * (size_t)h, all = pixels * (size_t)ch;
     uint16_t *codes = malloc(all * sizeof *codes), *moved = malloc(all * sizeof *moved);
     uint8_t *gone = calloc(pixels, 1), *seen = malloc(pixels);
-    int bad = codes && moved && gone && seen ? 0 : err_set(e, "%s: out of memory for %dx%d pixels", p->path, w, h);
+    int bad =
+        codes && moved && gone && seen ? 0 : err_set(e, "%s: out of memory for %dx%d pixels", p->path, w, h);
     if (!bad && whole(f, p, codes, gone)) {
         *e = p->why;
         bad = -1;
@@ -464,7 +452,8 @@ int frames_move(frames *f, int k, const motion *m, const warp_opts *o, errmsg *e
     if (!bad && memchr(gone, 1, pixels)) spread_missing(seen, gone, m, w, h);
     for (size_t i = 0; i < pixels && !bad; i++) {
         gone[i] = !seen[i];
-        for (int c = 0; c < ch && gone[i]; c++) moved[i * (size_t)ch + (size_t)c] = (uint16_t)f->facts.max_code;
+        for (int c = 0; c < ch && gone[i]; c++)
+            moved[i * (size_t)ch + (size_t)c] = (uint16_t)f->facts.max_code;
     }
     free(codes);
     if (!bad) bad = put_back(f, p, moved, gone, e);
@@ -487,8 +476,7 @@ int frames_next(frames *f, const uint16_t **codes, const uint8_t **missing, errm
     int left = f->facts.height - f->y, rows = left < f->strip_rows ? left : f->strip_rows;
     if (rows == 0) return 0;
 #pragma omp parallel for schedule(dynamic, 1)
-    for (int k = 0; k < f->facts.n; k++)
-        f->f[k].failed = fetch(f, &f->f[k], f->y, rows);
+    for (int k = 0; k < f->facts.n; k++) f->f[k].failed = fetch(f, &f->f[k], f->y, rows);
     for (int k = 0; k < f->facts.n; k++) {
         frame *p = &f->f[k];
         if (p->failed) {
@@ -498,7 +486,9 @@ int frames_next(frames *f, const uint16_t **codes, const uint8_t **missing, errm
         codes[k] = f->have_all && p->kept16 ? p->kept16 + (size_t)f->y * row_codes(f) : p->strip;
         missing[k] = mask_of(f, p, rows);
         if (p->gone && f->y + rows == f->facts.height && p->present == 0)
-            return err_set(e, "%s: expected pixels that are not missing (alpha full, not the fill colour), found none", p->path);
+            return err_set(
+                e, "%s: expected pixels that are not missing (alpha full, not the fill colour), found none",
+                p->path);
     }
     f->y += rows;
     return rows;

@@ -36,7 +36,8 @@ typedef struct frames_facts {
  * be kept.  bits: how many of the files' bits the codes fill, from the lowest (0: all).  fill: NULL, or the
  * code triple that marks missing pixels.  half: the result will be at half size: camera raw with a Bayer
  * mosaic is wanted then.  Pixels lie as in the files, whatever their orientation tags say. */
-int frames_open(frames **f, char *const *paths, int n, int64_t memory, int bits, const int *fill, int half, errmsg *e);
+int frames_open(frames **f, char *const *paths, int n, int64_t memory, int bits, const int *fill, int half,
+                errmsg *e);
 void frames_close(frames *f);
 const frames_facts *frames_get_facts(const frames *f);
 const img_info *frames_info(const frames *f, int k);
@@ -55,13 +56,15 @@ int frames_strip_rows(const frames *f);
 /* Start again from the top. */
 int frames_rewind(frames *f, errmsg *e);
 
-/* From now on exposure k is what it shows at motion_apply(m, x, y), interpolated (warp.h); pixels that lie outside it,
- * or beside one of its missing ones, are missing.  Between frames_rewind and the first strip; once per exposure. */
+/* From now on exposure k is what it shows at motion_apply(m, x, y), interpolated (warp.h); pixels that lie
+ * outside it, or beside one of its missing ones, are missing.  Between frames_rewind and the first strip;
+ * once per exposure. */
 int frames_move(frames *f, int k, const motion *m, const warp_opts *o, errmsg *e);
 
-/* The next strip: codes[k] points at its first row in exposure k (width*channels per row), missing[k] at the mask
- * (width per row) or is NULL where the strip has all its pixels; valid until the next call.  Missing pixels' codes are
- * max_code.  Returns the number of rows, 0 at the end, -1 on failure (also: an exposure that has no pixel at all). */
+/* The next strip: codes[k] points at its first row in exposure k (width*channels per row), missing[k] at the
+ * mask (width per row) or is NULL where the strip has all its pixels; valid until the next call.  Missing
+ * pixels' codes are max_code.  Returns the number of rows, 0 at the end, -1 on failure (also: an exposure
+ * that has no pixel at all). */
 int frames_next(frames *f, const uint16_t **codes, const uint8_t **missing, errmsg *e);
 
 #endif

@@ -11,7 +11,7 @@
 
 enum { MOST = 64 };
 
-static const float far = 4;        /* sigmas */
+static const float far = 4; /* sigmas */
 
 typedef struct voice {
     int k;
@@ -39,8 +39,7 @@ void merge_find_ghosts(const merge *m, int channel, const merge_row *row, uint64
             float y = c->y - (row->pedestal ? row->pedestal[at] : 0);
             int gone = row->missing && row->missing[k] && row->missing[k][(size_t)i * row->missing_stride];
             /* near the top a sample may be clipped, which contradicts nothing, and the merge knows */
-            if (k >= MOST || gone || !(c->w > 0) || !(y > 0) || row->codes[k][at] > ch->safe)
-                continue;
+            if (k >= MOST || gone || !(c->w > 0) || !(y > 0) || row->codes[k][at] > ch->safe) continue;
             const expectation *e = &ch->expect[clamp_cell(cell_of(y) + base)];
             if (!(e->info > 4)) /* a sample known to worse than a factor of 1.5 contradicts nothing */
                 continue;
@@ -61,8 +60,7 @@ void merge_find_ghosts(const merge *m, int channel, const merge_row *row, uint64
             }
         }
         for (int b = 0; b < voices; b++)
-            if (!agree(&v[best], &v[b], m->tolerance))
-                reject[i] |= (uint64_t)1 << v[b].k;
+            if (!agree(&v[best], &v[b], m->tolerance)) reject[i] |= (uint64_t)1 << v[b].k;
     }
 }
 
@@ -74,8 +72,7 @@ void merge_settle_ghosts(const merge *m, uint64_t *reject, uint64_t *scratch, in
         uint64_t wide = reject[i] | left | right;
         scratch[i] = (wide & all) != all ? wide : reject[i];
     }
-    for (int i = 0; i < count; i++)
-        reject[i] = scratch[i];
+    for (int i = 0; i < count; i++) reject[i] = scratch[i];
 }
 
 void merge_set_tolerance(merge *m, double relative)

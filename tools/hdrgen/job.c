@@ -28,7 +28,8 @@ int job_channels(const job *j)
 
 int job_linear_codes(const job *j)
 {
-    return j->opts.response == RESPONSE_LINEAR || (j->opts.response == RESPONSE_AUTO && frames_get_facts(j->frames)->raw);
+    return j->opts.response == RESPONSE_LINEAR ||
+           (j->opts.response == RESPONSE_AUTO && frames_get_facts(j->frames)->raw);
 }
 
 static int earlier(const shot *a, const shot *b)
@@ -54,8 +55,7 @@ static int sort_shots(job *j, errmsg *e)
             at += earlier(&was[i], &was[k]) || (!earlier(&was[k], &was[i]) && i < k);
         order[at] = k;
     }
-    for (int k = 0; k < j->n; k++)
-        j->shots[k] = was[order[k]];
+    for (int k = 0; k < j->n; k++) j->shots[k] = was[order[k]];
     code = frames_reorder(j->frames, order, e);
 done:
     free(order);
@@ -67,15 +67,16 @@ static int load_dark(job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
     img im;
-    if (img_load(&im, j->opts.dark, e))
-        return -1;
+    if (img_load(&im, j->opts.dark, e)) return -1;
     int ch = im.info.channels >= 3 ? 3 : 1, from = im.info.channels;
     int64_t n = (int64_t)im.info.width * im.info.height;
     if (im.info.width != f->width || im.info.height != f->height || ch != f->channels || !im.info.coded ||
         fmin(im.info.max_code, j->opts.bits ? (1 << j->opts.bits) - 1 : im.info.max_code) != f->max_code) {
-        err_set(e, "%s: expected a dark frame of %dx%d pixels, %d channel(s), codes 0..%d, found %dx%d, %d, 0..%g",
-                j->opts.dark, f->width, f->height, f->channels, f->max_code, im.info.width, im.info.height,
-                ch, im.info.max_code);
+        err_set(
+            e,
+            "%s: expected a dark frame of %dx%d pixels, %d channel(s), codes 0..%d, found %dx%d, %d, 0..%g",
+            j->opts.dark, f->width, f->height, f->channels, f->max_code, im.info.width, im.info.height, ch,
+            im.info.max_code);
         img_free(&im);
         return -1;
     }
@@ -102,15 +103,12 @@ static int settle_mosaic(job *j, errmsg *e)
 int job_open(job *j, const char *times_file, errmsg *e)
 {
     char **paths = calloc((size_t)j->n, sizeof *paths);
-    if (!paths)
-        return err_set(e, "out of memory");
-    for (int k = 0; k < j->n; k++)
-        paths[k] = (char *)(uintptr_t)j->shots[k].path;
-    int bad = frames_open(&j->frames, paths, j->n, j->opts.memory, j->opts.bits, j->opts.has_fill ? j->opts.fill : NULL,
-                          j->opts.half_size, e);
+    if (!paths) return err_set(e, "out of memory");
+    for (int k = 0; k < j->n; k++) paths[k] = (char *)(uintptr_t)j->shots[k].path;
+    int bad = frames_open(&j->frames, paths, j->n, j->opts.memory, j->opts.bits,
+                          j->opts.has_fill ? j->opts.fill : NULL, j->opts.half_size, e);
     free(paths);
-    if (bad)
-        return -1;
+    if (bad) return -1;
     for (int k = 0; k < j->n; k++) {
         const img_info *i = frames_info(j->frames, k);
         exif_facts x = exif_read(j->shots[k].path);
@@ -119,8 +117,7 @@ int job_open(job *j, const char *times_file, errmsg *e)
         j->shots[k].iso = i->iso > 0 && i->iso != 65535 ? i->iso : x.iso; /* 65535: more than 16 bits hold */
     }
     j->times_given = times_file != NULL;
-    if (times_file && times_load(j->shots, j->n, times_file, e))
-        return -1;
+    if (times_file && times_load(j->shots, j->n, times_file, e)) return -1;
     if (j->n == 1 && !(j->shots[0].seconds > 0)) {
         j->shots[0].seconds = 1; /* one picture of unknown time: radiance is relative anyway */
         j->facts.assumed_time = 1;
@@ -130,15 +127,13 @@ int job_open(job *j, const char *times_file, errmsg *e)
     if (settle_mosaic(j, e) || develop_settle(j, e) || frames_begin(j->frames, j->progress, e)) return -1;
     if (j->opts.dark && load_dark(j, e)) return -1;
     j->exposure = calloc((size_t)j->n, sizeof *j->exposure);
-    if (!j->exposure)
-        return err_set(e, "out of memory");
-    for (int k = 0; k < j->n; k++)
-        j->exposure[k] = j->shots[k].exposure;
+    if (!j->exposure) return err_set(e, "out of memory");
+    for (int k = 0; k < j->n; k++) j->exposure[k] = j->shots[k].exposure;
     return 0;
 }
 
-/* Codes of fewer bits than their file's, at the low end (12 bits of a camera in 16 of a PNG): none is above 2^b - 1, and
- * what is clipped lies there.  b, or 0 where the codes don't look so. */
+/* Codes of fewer bits than their file's, at the low end (12 bits of a camera in 16 of a PNG): none is above
+ * 2^b - 1, and what is clipped lies there.  b, or 0 where the codes don't look so. */
 static int bits_used(const samples *s)
 {
     enum { ENOUGH = 8 };
@@ -160,10 +155,8 @@ static int settle_white(job *j, errmsg *e)
     int top = j->samples.max_code;
     if (j->opts.white > top)
         return err_set(e, "%s: expected --white 4 to %d, found %d", j->shots[0].path, top, j->opts.white);
-    if (!j->opts.white && white_find(j->facts.clip, &j->samples, j->exposure, e))
-        return -1;
-    for (int c = 0; c < RESPONSE_MAX_CHANNELS && j->opts.white; c++)
-        j->facts.clip[c] = j->opts.white;
+    if (!j->opts.white && white_find(j->facts.clip, &j->samples, j->exposure, e)) return -1;
+    for (int c = 0; c < RESPONSE_MAX_CHANNELS && j->opts.white; c++) j->facts.clip[c] = j->opts.white;
     const int *sensor = frames_get_facts(j->frames)->clip;
     for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++) /* camera raw states it for each colour */
         if (j->facts.clip[c] > sensor[c]) j->facts.clip[c] = sensor[c];
@@ -197,8 +190,7 @@ static int collect_samples(job *j, errmsg *e)
         rows = frames_next(j->frames, codes, missing, e);
         double t1 = job_cpu_s();
         j->facts.read_s += t1 - t0;
-        if (rows <= 0)
-            break;
+        if (rows <= 0) break;
         size_t at = (size_t)y * (size_t)f->width * (size_t)f->channels;
         if (sampler_strip(&p, codes, missing, j->dark ? j->dark + at : NULL, y, rows, e)) {
             rows = -1;
@@ -206,8 +198,7 @@ static int collect_samples(job *j, errmsg *e)
         }
         j->facts.recover_s += job_cpu_s() - t1;
         y += rows;
-        if (j->progress)
-            j->progress("reading", y, f->height);
+        if (j->progress) j->progress("reading", y, f->height);
     }
     free(codes);
     free(missing);
@@ -223,8 +214,7 @@ static int collect_samples(job *j, errmsg *e)
 static int same_exposure(const job *j)
 {
     for (int k = 1; k < j->n; k++)
-        if (fabs(log(j->exposure[k] / j->exposure[0])) > 1e-6)
-            return 0;
+        if (fabs(log(j->exposure[k] / j->exposure[0])) > 1e-6) return 0;
     return 1;
 }
 
@@ -244,7 +234,8 @@ static int check_stated(job *j, errmsg *e)
     return 0;
 }
 
-/* A polynomial's fit is not robust: what contradicts is found by one that is.  Where that fails, nothing is marked. */
+/* A polynomial's fit is not robust: what contradicts is found by one that is.  Where that fails, nothing is
+ * marked. */
 static void mark_by_debevec(job *j, const double *lnt)
 {
     response r = {0};
@@ -261,12 +252,12 @@ static int first_response(job *j, const double *lnt, errmsg *e)
     const frames_facts *f = frames_get_facts(j->frames);
     int ch = job_channels(j);
     response_kind kind = j->opts.response;
-    if (kind == RESPONSE_AUTO)
-        kind = f->raw ? RESPONSE_LINEAR : RESPONSE_DEBEVEC;
+    if (kind == RESPONSE_AUTO) kind = f->raw ? RESPONSE_LINEAR : RESPONSE_DEBEVEC;
     if (kind == RESPONSE_DEBEVEC || kind == RESPONSE_MITSUNAGA) {
         if (j->n < 2)
-            return err_set(e, "%s: expected two images or more to recover a response, found one: give --response",
-                           j->shots[0].path);
+            return err_set(
+                e, "%s: expected two images or more to recover a response, found one: give --response",
+                j->shots[0].path);
         if (same_exposure(j))
             return err_set(
                 e,
@@ -275,19 +266,14 @@ static int first_response(job *j, const double *lnt, errmsg *e)
                 j->shots[0].path, j->n);
     }
     switch (kind) {
-    case RESPONSE_LINEAR:
-        return response_linear(&j->response, ch, f->max_code, e);
-    case RESPONSE_SRGB:
-        return response_srgb(&j->response, ch, f->max_code, e);
-    case RESPONSE_GAMMA:
-        return response_gamma(&j->response, ch, f->max_code, j->opts.gamma, e);
-    case RESPONSE_FILE:
-        return response_load(&j->response, j->opts.response_file, ch, f->max_code, e);
+    case RESPONSE_LINEAR: return response_linear(&j->response, ch, f->max_code, e);
+    case RESPONSE_SRGB: return response_srgb(&j->response, ch, f->max_code, e);
+    case RESPONSE_GAMMA: return response_gamma(&j->response, ch, f->max_code, j->opts.gamma, e);
+    case RESPONSE_FILE: return response_load(&j->response, j->opts.response_file, ch, f->max_code, e);
     case RESPONSE_MITSUNAGA:
         mark_by_debevec(j, lnt);
         return mitsunaga_solve(&j->response, &j->facts.solve, &j->samples, lnt, e);
-    default:
-        return debevec_solve(&j->response, &j->facts.solve, &j->samples, lnt, j->opts.lambda, e);
+    default: return debevec_solve(&j->response, &j->facts.solve, &j->samples, lnt, j->opts.lambda, e);
     }
 }
 
@@ -311,30 +297,29 @@ int job_calibrate(job *j, errmsg *e)
 {
     int code = -1, recover;
     double *lnt = malloc(sizeof *lnt * (size_t)j->n);
-    if (!lnt)
-        return err_set(e, "out of memory");
-    for (int k = 0; k < j->n; k++)
-        lnt[k] = log(j->exposure[k]);
-    if (collect_samples(j, e))
-        goto done;
+    if (!lnt) return err_set(e, "out of memory");
+    for (int k = 0; k < j->n; k++) lnt[k] = log(j->exposure[k]);
+    if (collect_samples(j, e)) goto done;
     if (j->opts.align != ALIGN_NEVER && j->n > 1) {
         samples_free(&j->samples);
-        if (job_align(j, e) || collect_samples(j, e))
-            goto done;
+        if (job_align(j, e) || collect_samples(j, e)) goto done;
     }
     double t0 = job_cpu_s();
     if (check_stated(j, e) || first_response(j, lnt, e)) goto done;
     memcpy(j->response.clip, j->facts.clip, sizeof j->response.clip);
     /* hat weights on logarithms go with the curve that came from the same: both lean the same way */
     recover = strcmp(j->response.origin, "debevec") == 0 && j->opts.weight == MERGE_NOISE;
-    calib_opts o = {.fit_response = recover, .fit_noise = 1, .fit_times = j->opts.refine_times,
-                    .fixed_noise = {-1, -1, -1}, .lambda = j->opts.lambda, .time_spread = 0.15};
+    calib_opts o = {.fit_response = recover,
+                    .fit_noise = 1,
+                    .fit_times = j->opts.refine_times,
+                    .fixed_noise = {-1, -1, -1},
+                    .lambda = j->opts.lambda,
+                    .time_spread = 0.15};
     for (int c = 0; c < j->response.channels; c++) {
         int top = recover ? j->response.clip[c] : j->response.max_code; /* where e is 1 */
         j->noise[c] = noise_default();
         noise_model given = noise_from_camera(j->opts.gain > 0 ? j->opts.gain : 1, 0, top);
-        if (j->opts.gain > 0)
-            j->noise[c].photon = o.fixed_noise.photon = given.photon;
+        if (j->opts.gain > 0) j->noise[c].photon = o.fixed_noise.photon = given.photon;
         if (j->opts.read_noise >= 0)
             j->noise[c].read = o.fixed_noise.read = j->opts.read_noise * given.photon;
     }
@@ -346,11 +331,9 @@ int job_calibrate(job *j, errmsg *e)
         j->facts.calibrated = 1;
         if (frames_get_facts(j->frames)->raw && j->response.channels == 3 && !(j->opts.gain > 0))
             share_dark_noise(j->noise, j->response.max_code);
-        if (contradict_measure(&j->facts.contradict, &j->samples, &j->response, j->noise, lnt, e))
-            goto done;
+        if (contradict_measure(&j->facts.contradict, &j->samples, &j->response, j->noise, lnt, e)) goto done;
     }
-    for (int k = 0; k < j->n; k++)
-        j->exposure[k] = exp(lnt[k]);
+    for (int k = 0; k < j->n; k++) j->exposure[k] = exp(lnt[k]);
     j->facts.recover_s += job_cpu_s() - t0;
     code = 0;
 done:

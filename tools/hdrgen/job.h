@@ -5,12 +5,12 @@
 #define HDRGEN_JOB_H
 
 #include "align.h"
+#include "base/errmsg.h"
 #include "calibrate.h"
 #include "cfa.h"
 #include "colour.h"
 #include "contradict.h"
 #include "debevec.h"
-#include "base/errmsg.h"
 #include "frames.h"
 #include "image/image.h"
 #include "merge.h"
@@ -43,12 +43,13 @@ typedef struct job_opts {
     int refine_times, deghost, want_sigma, want_count, half_size, absolute;
     cfa bayer; /* of grey images; columns 0: none */
     colour_space colour;
-    int has_fill, fill[3];   /* code triple of missing pixels */
-    double circle[3];        /* what counts as clipped or black lies in it: x, y (< 0: the middle), radius in pixels, or (with x < 0) over half the shorter side; radius 0: all */
+    int has_fill, fill[3]; /* code triple of missing pixels */
+    double circle[3]; /* what counts as clipped or black lies in it: x, y (< 0: the middle), radius in pixels,
+                         or (with x < 0) over half the shorter side; radius 0: all */
     const char *dark, *flat, *hot; /* files or NULL */
-    double patch[5];         /* x, y, w, h, cd/m2; w = 0: none */
+    double patch[5];               /* x, y, w, h, cd/m2; w = 0: none */
     align_mode align;
-    int64_t memory;          /* bytes of codes kept between the passes */
+    int64_t memory; /* bytes of codes kept between the passes */
 } job_opts;
 
 /* How camera raw became colours, and how the picture was turned. */
@@ -65,36 +66,36 @@ typedef struct develop_facts {
 } develop_facts;
 
 typedef struct job_facts {
-    solve_facts solve;     /* of the first estimate; condition 0 where none was needed */
+    solve_facts solve; /* of the first estimate; condition 0 where none was needed */
     calib_facts calib;
     develop_facts develop;
-    int calibrated;        /* calib holds something */
-    times_facts times;     /* what the exposures were made of */
-    stated_facts stated;   /* and whether the pixels agree */
+    int calibrated;              /* calib holds something */
+    times_facts times;           /* what the exposures were made of */
+    stated_facts stated;         /* and whether the pixels agree */
     contradict_facts contradict; /* of the exposures as they were merged */
-    int assumed_time;      /* one image of unknown time: 1 s */
-    int bits_used;         /* the codes seem to end at 2^this - 1, below the file's highest; 0: they don't */
-    int clip[RESPONSE_MAX_CHANNELS]; /* codes from here on are clipped */
+    int assumed_time;            /* one image of unknown time: 1 s */
+    int bits_used; /* the codes seem to end at 2^this - 1, below the file's highest; 0: they don't */
+    int clip[RESPONSE_MAX_CHANNELS];                   /* codes from here on are clipped */
     long clipped, black, gap, ghosts, missing, healed; /* pixels (any channel) */
-    long counted;          /* pixels that those are of */
-    double scale;          /* radiance was multiplied by this (--calibrate) */
-    double read_s, align_s, recover_s, merge_s; /* CPU seconds */
+    long counted;                                      /* pixels that those are of */
+    double scale;                                      /* radiance was multiplied by this (--calibrate) */
+    double read_s, align_s, recover_s, merge_s;        /* CPU seconds */
 } job_facts;
 
 typedef struct job {
     job_opts opts;
-    shot *shots;          /* from the shortest exposure on once job_open is done */
-    int n, times_given;   /* times_given: by a file */
+    shot *shots;        /* from the shortest exposure on once job_open is done */
+    int n, times_given; /* times_given: by a file */
     frames *frames;
     const cfa *mosaic; /* one value per pixel, of these colours; NULL: pixels have all channels */
     response response;
     noise_model noise[RESPONSE_MAX_CHANNELS];
-    samples samples;      /* kept for the plot */
-    double *exposure;     /* [n], like shots; refined where asked for */
-    align_shot *align;    /* [n], like shots, in the pictures' own pixels; NULL: not asked for */
-    uint16_t *dark;       /* dark frame's codes, like one exposure, or NULL */
+    samples samples;   /* kept for the plot */
+    double *exposure;  /* [n], like shots; refined where asked for */
+    align_shot *align; /* [n], like shots, in the pictures' own pixels; NULL: not asked for */
+    uint16_t *dark;    /* dark frame's codes, like one exposure, or NULL */
     img radiance;
-    float *sigma;         /* like radiance.pix, or NULL */
+    float *sigma;           /* like radiance.pix, or NULL */
     uint8_t *count, *flags; /* per pixel: least of the channels (or NULL); OR of the channels */
     job_facts facts;
     void (*progress)(const char *what, double done, double total); /* or NULL */
@@ -109,8 +110,8 @@ int job_calibrate(job *j, errmsg *e);
 /* Merge all rows into j->radiance, and finish it (hot pixels, flat field, Bayer, scale). */
 int job_merge(job *j, errmsg *e);
 
-/* Find how the shots have moved and put them over the middle one; the frames are at their top before and after, the
- * clip levels known.  Called by job_calibrate where job_opts.align asks for it. */
+/* Find how the shots have moved and put them over the middle one; the frames are at their top before and
+ * after, the clip levels known.  Called by job_calibrate where job_opts.align asks for it. */
 int job_align(job *j, errmsg *e);
 
 /* Codes are proportional to light. */

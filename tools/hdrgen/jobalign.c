@@ -1,6 +1,6 @@
 /*
- * jobalign.c - the stage that puts the shots of one series over each other: small grey pictures of all of them,
- * their motions (align.h), the frames told to move.
+ * jobalign.c - the stage that puts the shots of one series over each other: small grey pictures of all of
+ * them, their motions (align.h), the frames told to move.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -39,14 +39,17 @@ static int small_init(small *s, const job *j, errmsg *e)
     s->grey = calloc(pixels * n, sizeof *s->grey);
     s->seen = malloc(pixels * n);
     s->pictures = malloc(n * sizeof *s->pictures);
-    if (!s->grey || !s->seen || !s->pictures) return err_set(e, "aligning: out of memory for %d images", j->n);
+    if (!s->grey || !s->seen || !s->pictures)
+        return err_set(e, "aligning: out of memory for %d images", j->n);
     memset(s->seen, 1, pixels * n);
-    for (size_t k = 0; k < n; k++) s->pictures[k] = (align_picture){s->grey + k * pixels, s->seen + k * pixels};
+    for (size_t k = 0; k < n; k++)
+        s->pictures[k] = (align_picture){s->grey + k * pixels, s->seen + k * pixels};
     return 0;
 }
 
 /* One row of exposure k into its sums. */
-static void add_row(small *s, const frames_facts *f, int k, const uint16_t *codes, const uint8_t *missing, int y)
+static void add_row(small *s, const frames_facts *f, int k, const uint16_t *codes, const uint8_t *missing,
+                    int y)
 {
     int row = y / s->factor, ch = f->channels;
     if (row >= s->height) return;
@@ -98,10 +101,11 @@ static int all_registered(const job *j, errmsg *e)
 {
     for (int k = 0; k < j->n; k++)
         if (!j->align[k].registered)
-            return err_set(e,
-                           "%s: expected a picture that can be registered against its neighbour in time, found a "
-                           "correlation of %.2f: --align=auto leaves such shots where their neighbours are",
-                           j->shots[k].path, j->align[k].after);
+            return err_set(
+                e,
+                "%s: expected a picture that can be registered against its neighbour in time, found a "
+                "correlation of %.2f: --align=auto leaves such shots where their neighbours are",
+                j->shots[k].path, j->align[k].after);
     return 0;
 }
 
@@ -110,8 +114,8 @@ static int warp_of_codes(warp_opts *o, const job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
     if (j->mosaic && (j->mosaic->columns != 2 || j->mosaic->rows != 2))
-        return err_set(e, "%s: expected a sensor with cells of 2x2 colours for --align, found %dx%d", j->shots[0].path,
-                       j->mosaic->columns, j->mosaic->rows);
+        return err_set(e, "%s: expected a sensor with cells of 2x2 colours for --align, found %dx%d",
+                       j->shots[0].path, j->mosaic->columns, j->mosaic->rows);
     *o = (warp_opts){f->width, f->height, f->channels, j->mosaic != NULL, job_linear_codes(j), {0}};
     for (int i = 0; i < 4; i++)
         o->clip[i] = j->facts.clip[j->mosaic ? cfa_at(j->mosaic, i % 2, i / 2) : i % f->channels];
@@ -125,8 +129,9 @@ int job_align(job *j, errmsg *e)
     double t0 = job_cpu_s();
     j->align = calloc((size_t)j->n, sizeof *j->align);
     int bad = j->align ? warp_of_codes(&o, j, e) : err_set(e, "aligning: out of memory");
-    if (!bad) bad = small_init(&s, j, e) || gather(&s, j, e) ||
-                    align_estimate(j->align, s.pictures, j->exposure, j->n, s.width, s.height, e);
+    if (!bad)
+        bad = small_init(&s, j, e) || gather(&s, j, e) ||
+              align_estimate(j->align, s.pictures, j->exposure, j->n, s.width, s.height, e);
     if (!bad && j->opts.align == ALIGN_ALWAYS) bad = all_registered(j, e);
     for (int k = 0; k < j->n && !bad; k++) {
         align_shot *a = &j->align[k];

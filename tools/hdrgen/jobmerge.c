@@ -16,11 +16,11 @@ static const double usual_differences = 5, least_tolerance = 0.06, most_toleranc
 
 /* What one thread needs for a row. */
 typedef struct bench {
-    const uint16_t **at;   /* [n] */
-    const uint8_t **gone;  /* [n] */
-    float *pedestal;       /* [width * channels] */
-    uint64_t *reject;      /* [2 * width] */
-    uint8_t *bytes;        /* [2 * width] */
+    const uint16_t **at;  /* [n] */
+    const uint8_t **gone; /* [n] */
+    float *pedestal;      /* [width * channels] */
+    uint64_t *reject;     /* [2 * width] */
+    uint8_t *bytes;       /* [2 * width] */
 } bench;
 
 static int bench_init(bench *b, const job *j)
@@ -61,8 +61,7 @@ static int lanes_of_row(lane out[CFA_MOST], const job *j, int y)
             out[n++] = (lane){cfa_at(j->mosaic, p, y), p, step, (f->width - p + step - 1) / step, 0};
         return n;
     }
-    for (; n < f->channels; n++)
-        out[n] = (lane){n, 0, 1, f->width, n};
+    for (; n < f->channels; n++) out[n] = (lane){n, 0, 1, f->width, n};
     return n;
 }
 
@@ -85,11 +84,16 @@ static merge_row row_for(const job *j, const lane *l, bench *b, const strip *s, 
         b->gone[k] = s->missing[k] ? s->missing[k] + (size_t)row * w + (size_t)l->first : NULL;
         any |= b->gone[k] != NULL;
     }
-    return (merge_row){.codes = b->at, .stride = ch * (size_t)l->step, .count = l->count,
+    return (merge_row){.codes = b->at,
+                       .stride = ch * (size_t)l->step,
+                       .count = l->count,
                        .pedestal = j->dark ? b->pedestal + start : NULL,
-                       .missing = any ? b->gone : NULL, .missing_stride = (size_t)l->step,
-                       .radiance = j->radiance.pix + out, .sigma = j->sigma ? j->sigma + out : NULL,
-                       .used = j->count ? b->bytes : NULL, .flags = b->bytes + w,
+                       .missing = any ? b->gone : NULL,
+                       .missing_stride = (size_t)l->step,
+                       .radiance = j->radiance.pix + out,
+                       .sigma = j->sigma ? j->sigma + out : NULL,
+                       .used = j->count ? b->bytes : NULL,
+                       .flags = b->bytes + w,
                        .out_stride = ch * (size_t)l->step};
 }
 
@@ -161,8 +165,7 @@ static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
     lane lanes[CFA_MOST];
     int n = lanes_of_row(lanes, j, y);
     memset(j->flags + out, 0, (size_t)w);
-    if (j->count)
-        memset(j->count + out, 255, (size_t)w);
+    if (j->count) memset(j->count + out, 255, (size_t)w);
     if (j->dark) fill_pedestal(j, b, y);
     for (int l = 0; l < n; l++) {
         merge_row r = row_for(j, &lanes[l], b, s, row);
@@ -171,8 +174,7 @@ static void one_row(job *j, const merge *m, const strip *s, int row, bench *b)
         for (int i = 0; i < r.count; i++) {
             size_t x = out + (size_t)(lanes[l].first + i * lanes[l].step);
             j->flags[x] |= r.flags[i];
-            if (j->count && r.used[i] < j->count[x])
-                j->count[x] = r.used[i];
+            if (j->count && r.used[i] < j->count[x]) j->count[x] = r.used[i];
         }
     }
 }
@@ -181,12 +183,9 @@ static int allocate(job *j, errmsg *e)
 {
     const frames_facts *f = frames_get_facts(j->frames);
     size_t pixels = (size_t)f->width * (size_t)f->height;
-    if (img_alloc(&j->radiance, f->width, f->height, f->channels, e))
-        return -1;
-    if (j->opts.want_sigma)
-        j->sigma = malloc(pixels * (size_t)f->channels * sizeof *j->sigma);
-    if (j->opts.want_count)
-        j->count = malloc(pixels);
+    if (img_alloc(&j->radiance, f->width, f->height, f->channels, e)) return -1;
+    if (j->opts.want_sigma) j->sigma = malloc(pixels * (size_t)f->channels * sizeof *j->sigma);
+    if (j->opts.want_count) j->count = malloc(pixels);
     j->flags = malloc(pixels);
     if ((j->opts.want_sigma && !j->sigma) || (j->opts.want_count && !j->count) || !j->flags)
         return err_set(e, "out of memory for %dx%d pixels", f->width, f->height);
@@ -203,8 +202,7 @@ static int all_rows(job *j, const merge *m, strip *s, errmsg *e)
         int rows = s->rows = frames_next(j->frames, s->codes, s->missing, e);
         double t1 = job_cpu_s();
         j->facts.read_s += t1 - t0;
-        if (rows <= 0)
-            return rows;
+        if (rows <= 0) return rows;
 #pragma omp parallel
         {
             bench b;
@@ -225,27 +223,24 @@ static int all_rows(job *j, const merge *m, strip *s, errmsg *e)
             }
 #pragma omp for schedule(static)
             for (int row = 0; row < rows; row++)
-                if (!bad)
-                    one_row(j, m, s, row, &b);
+                if (!bad) one_row(j, m, s, row, &b);
             bench_free(&b);
         }
-        if (failed)
-            return err_set(e, "out of memory");
+        if (failed) return err_set(e, "out of memory");
         j->facts.merge_s += job_cpu_s() - t1;
         s->y += rows;
-        if (j->progress)
-            j->progress("merging", s->y, f->height);
+        if (j->progress) j->progress("merging", s->y, f->height);
     }
 }
 
 static void scale_all(job *j, double scale)
 {
-    size_t n = (size_t)j->radiance.info.width * (size_t)j->radiance.info.height * (size_t)j->radiance.info.channels;
+    size_t n =
+        (size_t)j->radiance.info.width * (size_t)j->radiance.info.height * (size_t)j->radiance.info.channels;
     j->facts.scale = scale;
     for (size_t i = 0; i < n; i++) {
         j->radiance.pix[i] = (float)(j->radiance.pix[i] * scale);
-        if (j->sigma)
-            j->sigma[i] = (float)(j->sigma[i] * scale);
+        if (j->sigma) j->sigma[i] = (float)(j->sigma[i] * scale);
     }
 }
 
@@ -257,8 +252,10 @@ static int by_speed(job *j, errmsg *e)
 {
     for (int k = 0; k < j->n; k++)
         if (!(j->shots[k].f_number > 0) || !(j->shots[k].iso > 0))
-            return err_set(e, "%s: expected f-number and ISO in its EXIF data for --absolute, found none: give --calibrate",
-                           j->shots[k].path);
+            return err_set(
+                e,
+                "%s: expected f-number and ISO in its EXIF data for --absolute, found none: give --calibrate",
+                j->shots[k].path);
     const shot *s = &j->shots[j->n / 2];
     scale_all(j, 120 * s->f_number * s->f_number / s->iso * s->exposure / s->seconds / 179);
     return 0;
@@ -274,14 +271,19 @@ static int to_absolute(job *j, errmsg *e)
     int x = (int)p[0], y = (int)p[1], pw = (int)p[2], ph = (int)p[3];
     for (int i = y; i < y + ph; i++)
         for (int k = x; k < x + pw; k++)
-            if (j->flags[(size_t)i * (size_t)w + (size_t)k] & (MERGE_CLIPPED | MERGE_BLACK | MERGE_GAP | MERGE_MISSING))
-                return err_set(e, "--calibrate: expected a patch that is neither clipped nor black nor missing, found pixel %d,%d", k, i);
+            if (j->flags[(size_t)i * (size_t)w + (size_t)k] &
+                (MERGE_CLIPPED | MERGE_BLACK | MERGE_GAP | MERGE_MISSING))
+                return err_set(e,
+                               "--calibrate: expected a patch that is neither clipped nor black nor missing, "
+                               "found pixel %d,%d",
+                               k, i);
     double weight[3];
     if (colour_luminance(weight, j->opts.colour))
         return err_set(e, "--calibrate: expected colours whose luminance is known, found --colour camera");
     j->facts.scale = p[4] / patch_luminance(j->radiance.pix, ch, w, x, y, pw, ph, weight);
     if (!(j->facts.scale > 1e-30 && j->facts.scale < 1e30))
-        return err_set(e, "--calibrate: expected a patch of positive luminance, found a scale of %g", j->facts.scale);
+        return err_set(e, "--calibrate: expected a patch of positive luminance, found a scale of %g",
+                       j->facts.scale);
     scale_all(j, j->facts.scale);
     return 0;
 }
@@ -290,9 +292,9 @@ static int to_absolute(job *j, errmsg *e)
 static int in_circle(const job *j, size_t at)
 {
     const double *c = j->opts.circle, w = j->radiance.info.width, h = j->radiance.info.height;
-    double x = (double)(at % (size_t)j->radiance.info.width) + 0.5, y = (double)(at / (size_t)j->radiance.info.width) + 0.5;
-    if (!(c[2] > 0))
-        return 1;
+    double x = (double)(at % (size_t)j->radiance.info.width) + 0.5,
+           y = (double)(at / (size_t)j->radiance.info.width) + 0.5;
+    if (!(c[2] > 0)) return 1;
     return c[0] < 0 ? hypot(x - w / 2, y - h / 2) < c[2] * fmin(w, h) / 2 : hypot(x - c[0], y - c[1]) < c[2];
 }
 
@@ -300,8 +302,7 @@ static void count_flags(job *j)
 {
     size_t pixels = (size_t)j->radiance.info.width * (size_t)j->radiance.info.height;
     for (size_t i = 0; i < pixels; i++) {
-        if (!in_circle(j, i))
-            continue;
+        if (!in_circle(j, i)) continue;
         j->facts.counted++;
         j->facts.clipped += (j->flags[i] & MERGE_CLIPPED) != 0;
         j->facts.black += (j->flags[i] & MERGE_BLACK) != 0;
@@ -314,13 +315,12 @@ static void count_flags(job *j)
 int job_merge(job *j, errmsg *e)
 {
     double t0 = job_cpu_s();
-    strip s = {.codes = calloc((size_t)j->n, sizeof *s.codes), .missing = calloc((size_t)j->n, sizeof *s.missing)};
+    strip s = {.codes = calloc((size_t)j->n, sizeof *s.codes),
+               .missing = calloc((size_t)j->n, sizeof *s.missing)};
     merge *m = merge_new(&j->response, j->noise, j->exposure, j->n, j->opts.weight, j->dark != NULL, e);
     int bad = -1;
-    if (!s.codes || !s.missing)
-        err_set(e, "out of memory");
-    if (!s.codes || !s.missing || !m || allocate(j, e))
-        goto done;
+    if (!s.codes || !s.missing) err_set(e, "out of memory");
+    if (!s.codes || !s.missing || !m || allocate(j, e)) goto done;
     if (j->opts.deghost) {
         size_t most = (size_t)frames_strip_rows(j->frames) * (size_t)frames_get_facts(j->frames)->width;
         s.votes = malloc(most * sizeof *s.votes);
@@ -336,17 +336,12 @@ int job_merge(job *j, errmsg *e)
     j->facts.merge_s += job_cpu_s() - t0;
     bad = all_rows(j, m, &s, e);
     t0 = job_cpu_s();
-    if (!bad && j->opts.hot)
-        bad = aside_heal(j, e);
-    if (!bad && j->opts.flat)
-        bad = aside_flatten(j, e);
+    if (!bad && j->opts.hot) bad = aside_heal(j, e);
+    if (!bad && j->opts.flat) bad = aside_flatten(j, e);
     if (!bad) bad = job_develop(j, e);
-    if (!bad && j->opts.patch[2] > 0)
-        bad = to_absolute(j, e);
-    else if (!bad && j->opts.absolute)
-        bad = by_speed(j, e);
-    if (!bad)
-        count_flags(j);
+    if (!bad && j->opts.patch[2] > 0) bad = to_absolute(j, e);
+    else if (!bad && j->opts.absolute) bad = by_speed(j, e);
+    if (!bad) count_flags(j);
     j->facts.merge_s += job_cpu_s() - t0;
 done:
     free(s.codes);

@@ -36,21 +36,18 @@ static inline int is_rejected(const merge_row *row, int i, int k)
 }
 
 /* No sample had a say: the bounds that black and clipped samples set. */
-static void bound(const merge *m, const merge_channel *ch, const merge_row *row, int i,
-                  float *x, float *sd, uint8_t *flag)
+static void bound(const merge *m, const merge_channel *ch, const merge_row *row, int i, float *x, float *sd,
+                  uint8_t *flag)
 {
     float lower = 0, upper = INFINITY;
     size_t at = (size_t)i * row->stride;
     int there = 0;
     for (int s = 0; s < m->n; s++) {
         int z = row->codes[m->order[s]][at];
-        if (is_missing(row, i, m->order[s]))
-            continue;
+        if (is_missing(row, i, m->order[s])) continue;
         there = 1;
-        if (z >= ch->top)
-            lower = fmaxf(lower, ch->clip * m->rt[s]);
-        else
-            upper = fminf(upper, fmaxf(ch->code[z].y, ch->black) * m->rt[s]);
+        if (z >= ch->top) lower = fmaxf(lower, ch->clip * m->rt[s]);
+        else upper = fminf(upper, fmaxf(ch->code[z].y, ch->black) * m->rt[s]);
     }
     if (!there) {
         *x = *sd = 0;
@@ -79,8 +76,7 @@ static inline int first_inside(const merge *m, const uint16_t *const *codes, con
 {
     for (int s = from; s < m->n; s++) {
         int z = codes[s][at];
-        if (z <= top && z > 0 && (!with_reject || counts(row, i, m->order[s])))
-            return s;
+        if (z <= top && z > 0 && (!with_reject || counts(row, i, m->order[s]))) return s;
     }
     return -1;
 }
@@ -91,11 +87,9 @@ static inline int first_inside(const merge *m, const uint16_t *const *codes, con
 static inline int black_before(const merge *m, const merge_channel *ch, const uint16_t *const *codes,
                                const merge_row *row, int i, size_t at, int with_reject, int first, float dark)
 {
-    if (first <= 0 || ch->code[codes[first][at]].y - dark > ch->dim)
-        return first;
+    if (first <= 0 || ch->code[codes[first][at]].y - dark > ch->dim) return first;
     for (int s = 0; s < first; s++)
-        if (codes[s][at] == 0 && (!with_reject || counts(row, i, m->order[s])))
-            return s;
+        if (codes[s][at] == 0 && (!with_reject || counts(row, i, m->order[s]))) return s;
     return first;
 }
 
@@ -103,9 +97,9 @@ static inline int black_before(const merge *m, const merge_channel *ch, const ui
 typedef struct pixel {
     const uint16_t *const *codes; /* by place in m->order */
     const merge_row *row;
-    int i, from;                  /* which pixel; the first place that is looked at */
+    int i, from; /* which pixel; the first place that is looked at */
     size_t at;
-    float dark, info;             /* info: on ln x, at the solution */
+    float dark, info; /* info: on ln x, at the solution */
     uint8_t used;
 } pixel;
 
@@ -121,8 +115,7 @@ static inline float solve(const merge *m, const merge_channel *ch, pixel *p, int
             const codeval *v = &ch->code[p->codes[s][p->at]];
             const expectation *e = &ch->expect[clamp_cell(cell + m->offset[s])];
             float on = v->valid;
-            if (with_reject && !counts(p->row, p->i, m->order[s]))
-                on = 0;
+            if (with_reject && !counts(p->row, p->i, m->order[s])) on = 0;
             score += on * e->weight * ((v->y - p->dark) * rx * m->rt[s] - e->mean);
             info += on * e->info;
             p->used = (uint8_t)(p->used + (on * e->info > 0.25f));
@@ -130,13 +123,11 @@ static inline float solve(const merge *m, const merge_channel *ch, pixel *p, int
                 break;
         }
         p->info = info;
-        if (!(info > 1e-6f))
-            break;
+        if (!(info > 1e-6f)) break;
         float d = score / info;
         d = d < -0.5f ? -0.5f : d > 1 ? 1 : d;
         x += x * d;
-        if (fabsf(d) < 0.02f)
-            break;
+        if (fabsf(d) < 0.02f) break;
     }
     return x;
 }
@@ -152,12 +143,12 @@ static float likelihood(const merge *m, const merge_channel *ch, const pixel *p,
     const float root_2pi = 2.5066f;
     float sum = 0;
     for (int s = p->from; s < m->n; s++) {
-        if (with_reject && !counts(p->row, p->i, m->order[s]))
-            continue;
+        if (with_reject && !counts(p->row, p->i, m->order[s])) continue;
         int z = p->codes[s][p->at];
         const expectation *q = &ch->expect[clamp_cell(cell + m->offset[s])];
         float e = x / m->rt[s], like, sd = q->sd * e + 1e-30f;
-        if (z >= ch->top || z == 0) { /* what lies beyond an edge, by a logistic curve in place of the normal's */
+        if (z >= ch->top ||
+            z == 0) { /* what lies beyond an edge, by a logistic curve in place of the normal's */
             float beyond = z ? (e - ch->clip) / sd : (ch->black - e - p->dark) / sd;
             like = 1 / (1 + expf(-1.7f * fminf(fmaxf(beyond, -40), 40)));
         } else if (e >= ch->clip) {
@@ -182,8 +173,7 @@ static float likeliest(const merge *m, const merge_channel *ch, pixel *p, int wi
     float best = likelihood(m, ch, p, with_reject, x), start = 0;
     for (int s = first; s < guess; s++) {
         int z = p->codes[s][p->at];
-        if (z <= ch->safe || z >= ch->top || (with_reject && !counts(p->row, p->i, m->order[s])))
-            continue;
+        if (z <= ch->safe || z >= ch->top || (with_reject && !counts(p->row, p->i, m->order[s]))) continue;
         float other = (ch->code[z].y - p->dark) * m->rt[s];
         float like = other > 0 ? likelihood(m, ch, p, with_reject, other) : -INFINITY;
         if (like > best) {
@@ -199,20 +189,18 @@ static inline int last_inside(const merge *m, const merge_channel *ch, const pix
 {
     for (int s = m->n - 1; s >= 0; s--) {
         int z = p->codes[s][p->at];
-        if (z > 0 && z < ch->top && (!with_reject || counts(p->row, p->i, m->order[s])))
-            return s;
+        if (z > 0 && z < ch->top && (!with_reject || counts(p->row, p->i, m->order[s]))) return s;
     }
     return -1;
 }
 
-static inline void noise_row(const merge *m, const merge_channel *ch, const merge_row *row,
-                             int with_pedestal, int with_reject)
+static inline void noise_row(const merge *m, const merge_channel *ch, const merge_row *row, int with_pedestal,
+                             int with_reject)
 {
     const codeval *code = ch->code;
     const int n = m->n;
     const uint16_t *codes[MERGE_MOST];
-    for (int s = 0; s < n; s++)
-        codes[s] = row->codes[m->order[s]];
+    for (int s = 0; s < n; s++) codes[s] = row->codes[m->order[s]];
     pixel p = {.codes = codes, .row = row};
     for (int i = 0; i < row->count; i++) {
         size_t at = (size_t)i * row->stride, to = (size_t)i * row->out_stride;
@@ -231,13 +219,10 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
             guess = guess < 0 ? last_inside(m, ch, &p, with_reject) : guess;
         }
         int from = p.from = black_before(m, ch, codes, row, i, at, with_reject, first, p.dark);
-        if (from < first)
-            x = ch->black * m->rt[from];
-        else if (guess >= 0)
-            x = (code[codes[guess][at]].y - p.dark) * m->rt[guess];
+        if (from < first) x = ch->black * m->rt[from];
+        else if (guess >= 0) x = (code[codes[guess][at]].y - p.dark) * m->rt[guess];
         for (int k = 0; with_reject && k < n; k++)
-            if (is_rejected(row, i, k))
-                flag = MERGE_GHOST;
+            if (is_rejected(row, i, k)) flag = MERGE_GHOST;
         if (!(x > 0)) {
             bound(m, ch, row, i, &x, &sd, &flag);
         } else {
@@ -251,12 +236,9 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
             p.used = p.used ? p.used : 1; /* all are weak, together they say something */
         }
         row->radiance[to] = x;
-        if (row->sigma)
-            row->sigma[to] = sd;
-        if (row->used)
-            row->used[i] = p.used;
-        if (row->flags)
-            row->flags[i] = flag;
+        if (row->sigma) row->sigma[to] = sd;
+        if (row->used) row->used[i] = p.used;
+        if (row->flags) row->flags[i] = flag;
     }
 }
 
@@ -277,8 +259,8 @@ static float clips_from(const merge *m, const merge_channel *ch, const merge_row
     return y * m->rt[s] / ch->clip;
 }
 
-/* Exposures shorter than this see nothing but noise of the pixel, whose logarithms are too bright by far where a code is a
- * fraction of the noise (camera raw); the longest one counts in any case.  1/t. */
+/* Exposures shorter than this see nothing but noise of the pixel, whose logarithms are too bright by far
+ * where a code is a fraction of the noise (camera raw); the longest one counts in any case.  1/t. */
 static float faint_from(const merge *m, const merge_channel *ch, float clips)
 {
     float limit = clips * ch->clip / ch->dim;
@@ -289,8 +271,7 @@ static void debevec_row(const merge *m, const merge_channel *ch, const merge_row
 {
     const int base = (OCTAVES - grid_top_octave) * GRID;
     const uint16_t *codes[MERGE_MOST];
-    for (int s = 0; s < m->n; s++)
-        codes[s] = row->codes[m->order[s]];
+    for (int s = 0; s < m->n; s++) codes[s] = row->codes[m->order[s]];
     for (int i = 0; i < row->count; i++) {
         size_t at = (size_t)i * row->stride, to = (size_t)i * row->out_stride;
         float num = 0, den = 0, scatter = 0, x, sd, clips = clips_from(m, ch, row, codes, i, at);
@@ -304,8 +285,7 @@ static void debevec_row(const merge *m, const merge_channel *ch, const merge_row
                 continue;
             }
             float w = v->w, wy = v->wy;
-            if ((codes[s][at] > ch->safe && m->rt[s] < clips) || m->rt[s] > faint)
-                continue;
+            if ((codes[s][at] > ch->safe && m->rt[s] < clips) || m->rt[s] > faint) continue;
             if (row->pedestal && w > 0) {
                 float y = v->y - row->pedestal[at];
                 w = y > 0 ? w : 0;
@@ -323,30 +303,24 @@ static void debevec_row(const merge *m, const merge_channel *ch, const merge_row
             for (int s = 0; s < m->n; s++) { /* of a mean with these weights and the model's noise */
                 const codeval *v = &ch->code[row->codes[m->order[s]][at]];
                 float one = ch->expect[clamp_cell(cell + m->offset[s])].sd;
-                if (counts(row, i, m->order[s]) && (codes[s][at] <= ch->safe || m->rt[s] >= clips) && m->rt[s] <= faint)
+                if (counts(row, i, m->order[s]) && (codes[s][at] <= ch->safe || m->rt[s] >= clips) &&
+                    m->rt[s] <= faint)
                     scatter += v->w * v->w * one * one;
             }
             sd = x * fminf(sqrtf(scatter) / den, 1);
         }
         row->radiance[to] = x;
-        if (row->sigma)
-            row->sigma[to] = sd;
-        if (row->used)
-            row->used[i] = used;
-        if (row->flags)
-            row->flags[i] = flag;
+        if (row->sigma) row->sigma[to] = sd;
+        if (row->used) row->used[i] = used;
+        if (row->flags) row->flags[i] = flag;
     }
 }
 
 void merge_do_row(const merge *m, int channel, const merge_row *row)
 {
     const merge_channel *ch = &m->ch[channel];
-    if (m->weight == MERGE_DEBEVEC)
-        debevec_row(m, ch, row);
-    else if (row->pedestal)
-        noise_row(m, ch, row, 1, row->reject || row->missing);
-    else if (row->reject || row->missing)
-        noise_row(m, ch, row, 0, 1);
-    else
-        noise_row(m, ch, row, 0, 0);
+    if (m->weight == MERGE_DEBEVEC) debevec_row(m, ch, row);
+    else if (row->pedestal) noise_row(m, ch, row, 1, row->reject || row->missing);
+    else if (row->reject || row->missing) noise_row(m, ch, row, 0, 1);
+    else noise_row(m, ch, row, 0, 0);
 }

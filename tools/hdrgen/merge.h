@@ -38,16 +38,17 @@ void merge_free(merge *m);
 typedef struct merge_row {
     const uint16_t *const *codes; /* [n] first sample of the row in each exposure */
     size_t stride;                /* from one pixel to the next in codes and pedestal */
-    const uint8_t *const *missing; /* [n] masks, not 0: that exposure says nothing there; or NULL, any or all */
+    const uint8_t *const
+        *missing; /* [n] masks, not 0: that exposure says nothing there; or NULL, any or all */
     size_t missing_stride;
-    const float *pedestal;        /* exposure to subtract (dark frame), or NULL */
-    int count;                    /* pixels */
-    float *radiance;              /* exposure / t */
-    float *sigma;                 /* standard deviation of radiance, or NULL */
-    uint8_t *used;                /* exposures that had a say, or NULL */
-    uint8_t *flags;               /* merge_flag bits, or NULL */
-    size_t out_stride;            /* of radiance and sigma; used and flags are packed */
-    const uint64_t *reject;       /* [count], bit k: leave exposure k out; or NULL */
+    const float *pedestal;  /* exposure to subtract (dark frame), or NULL */
+    int count;              /* pixels */
+    float *radiance;        /* exposure / t */
+    float *sigma;           /* standard deviation of radiance, or NULL */
+    uint8_t *used;          /* exposures that had a say, or NULL */
+    uint8_t *flags;         /* merge_flag bits, or NULL */
+    size_t out_stride;      /* of radiance and sigma; used and flags are packed */
+    const uint64_t *reject; /* [count], bit k: leave exposure k out; or NULL */
 } merge_row;
 
 void merge_do_row(const merge *m, int channel, const merge_row *row);

@@ -11,11 +11,11 @@ static const int grid_top_octave = 2;
 
 /* What a sample of predicted exposure e is expected to say. */
 typedef struct expectation {
-    float weight;  /* of the relative residual y/e - mean: e^2 mean'(e) / variance */
-    float info;    /* weight * mean': Fisher information about ln X */
-    float mean;    /* E[finv(z) | e, not clipped] / e */
+    float weight; /* of the relative residual y/e - mean: e^2 mean'(e) / variance */
+    float info;   /* weight * mean': Fisher information about ln X */
+    float mean;   /* E[finv(z) | e, not clipped] / e */
     float rest;   /* bound on the information of all shorter exposures together */
-    float sd;      /* standard deviation of y, relative to e */
+    float sd;     /* standard deviation of y, relative to e */
 } expectation;
 
 typedef struct codeval {
@@ -25,22 +25,22 @@ typedef struct codeval {
 } codeval;
 
 typedef struct merge_channel {
-    codeval *code;      /* [max_code + 1] */
+    codeval *code;       /* [max_code + 1] */
     expectation *expect; /* [CELLS] */
-    int top;            /* codes from here on are clipped */
-    int safe;           /* codes up to this are surely not clipped */
-    float clip, black;  /* exposures at the edges of the highest code and of code 0 */
-    float dim;          /* no noise makes more than this of black */
+    int top;             /* codes from here on are clipped */
+    int safe;            /* codes up to this are surely not clipped */
+    float clip, black;   /* exposures at the edges of the highest code and of code 0 */
+    float dim;           /* no noise makes more than this of black */
 } merge_channel;
 
 struct merge {
     int n, channels, max_code;
     merge_weight weight;
     float tolerance; /* of ghost.c */
-    int *order;  /* exposures from the longest to the shortest; the arrays below are in that order */
-    float *rt;   /* 1 / t */
-    float *lnt;  /* ln t */
-    int *offset; /* log2 t in cells */
+    int *order;      /* exposures from the longest to the shortest; the arrays below are in that order */
+    float *rt;       /* 1 / t */
+    float *lnt;      /* ln t */
+    int *offset;     /* log2 t in cells */
     merge_channel ch[RESPONSE_MAX_CHANNELS];
 };
 

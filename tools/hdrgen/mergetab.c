@@ -32,10 +32,8 @@ static void code_values(merge_channel *ch, const response *r, int c, const noise
         v->y = z < top ? (float)e : 0;
         v->valid = z < top;
         double w = 0;
-        if (inside && weight == MERGE_NOISE)
-            w = e * e / noise_variance(m, e, response_slope(r, c, z));
-        else if (inside)
-            w = 2 * fmin(z, top - z) / top;
+        if (inside && weight == MERGE_NOISE) w = e * e / noise_variance(m, e, response_slope(r, c, z));
+        else if (inside) w = 2 * fmin(z, top - z) / top;
         v->w = (float)w;
         v->wy = (float)(inside && weight == MERGE_DEBEVEC ? w * log(e) : 0);
     }
@@ -48,8 +46,8 @@ static void code_values(merge_channel *ch, const response *r, int c, const noise
 
 /* Mean and variance of y given e and z < max; *clipped: the chance of z = max.  Codes are
  * summed over +-5 sigma, in steps when there are many. */
-static void moments(const response *r, int c, const noise_model *m, double e, double *mean,
-                    double *var, double *clipped)
+static void moments(const response *r, int c, const noise_model *m, double e, double *mean, double *var,
+                    double *clipped)
 {
     enum { MOST = 96 };
     int top = r->clip[c], at = (int)(response_forward(r, c, e) + 0.5);
@@ -107,8 +105,7 @@ static void expectations(merge_channel *ch, const response *r, int c, const nois
         int lo = i > 0 ? i - 1 : 0, hi = i < CELLS - 1 ? i + 1 : i;
         double slope = fmax((mean[hi] - mean[lo]) / (e[hi] - e[lo]), 0);
         double say = clipped[i] < most_clipped ? slope : 0;
-        if (e[i] >= ch->clip)
-            say = 0;
+        if (e[i] >= ch->clip) say = 0;
         x->weight = (float)(e[i] * e[i] * say / var[i]);
         x->info = (float)(e[i] * e[i] * say * slope / var[i]);
         x->mean = (float)(mean[i] / e[i]);
@@ -130,16 +127,14 @@ static void bound_rest(const merge *m, merge_channel *ch)
     for (int i = 0; i < CELLS; i++) {
         float sum = 0;
         int k = 1;
-        for (; step > 0 && k < m->n && i - k * step >= 0; k++)
-            sum += ch->expect[i - k * step].info;
+        for (; step > 0 && k < m->n && i - k * step >= 0; k++) sum += ch->expect[i - k * step].info;
         ch->expect[i].rest = step > 0 ? sum : INFINITY;
     }
 }
 
 void merge_free(merge *m)
 {
-    if (!m)
-        return;
+    if (!m) return;
     for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++) {
         free(m->ch[c].code);
         free(m->ch[c].expect);
@@ -166,8 +161,7 @@ merge *merge_new(const response *r, const noise_model *noise, const double *expo
         m->lnt = calloc((size_t)n, sizeof *m->lnt);
         m->offset = calloc((size_t)n, sizeof *m->offset);
     }
-    if (!m || !m->order || !m->rt || !m->lnt || !m->offset)
-        goto memory;
+    if (!m || !m->order || !m->rt || !m->lnt || !m->offset) goto memory;
     m->n = n;
     m->channels = r->channels;
     m->max_code = r->max_code;
@@ -175,8 +169,7 @@ merge *merge_new(const response *r, const noise_model *noise, const double *expo
     m->tolerance = 0.06f;
     for (int k = 0; k < n; k++) {
         int s = 0;
-        for (int i = 0; i < n; i++)
-            s += exposure[i] > exposure[k] || (exposure[i] == exposure[k] && i < k);
+        for (int i = 0; i < n; i++) s += exposure[i] > exposure[k] || (exposure[i] == exposure[k] && i < k);
         m->order[s] = k;
         m->rt[s] = (float)(1 / exposure[k]);
         m->lnt[s] = (float)log(exposure[k]);
@@ -186,8 +179,7 @@ merge *merge_new(const response *r, const noise_model *noise, const double *expo
         merge_channel *ch = &m->ch[c];
         ch->code = calloc((size_t)r->max_code + 1, sizeof *ch->code);
         ch->expect = calloc(CELLS, sizeof *ch->expect);
-        if (!ch->code || !ch->expect)
-            goto memory;
+        if (!ch->code || !ch->expect) goto memory;
         code_values(ch, r, c, &noise[c], weight);
         expectations(ch, r, c, &noise[c], lifted);
         bound_rest(m, ch);

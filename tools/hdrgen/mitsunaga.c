@@ -16,8 +16,7 @@ enum { MAX_ORDER = 8, MIN_ROWS = 32 };
 static double poly(const double *c, int order, double x)
 {
     double sum = 0;
-    for (int k = order; k >= 1; k--)
-        sum = (sum + c[k]) * x;
+    for (int k = order; k >= 1; k--) sum = (sum + c[k]) * x;
     return sum;
 }
 
@@ -30,13 +29,11 @@ static long pair_rows(qrls *q, const samples *s, int c, const double *lnt, const
         const uint16_t *z = s->z[c] + (size_t)i * (size_t)s->exposures;
         for (int k = 1; k < s->exposures && !s->out[c][i]; k++) {
             int p = by_time[k - 1], t = by_time[k];
-            if (z[p] == 0 || z[t] >= s->max_code || z[p] >= s->max_code || !(lnt[t] > lnt[p]))
-                continue;
+            if (z[p] == 0 || z[t] >= s->max_code || z[p] >= s->max_code || !(lnt[t] > lnt[p])) continue;
             double xp = z[p] / top, xt = z[t] / top, ratio = exp(lnt[p] - lnt[t]);
             /* weight: the shorter exposure's code is the noisier one */
             double w = 2 * fmin(xp, 1 - xt) + 0.02, *row = qrls_row(q);
-            if (!row)
-                return -1;
+            if (!row) return -1;
             double lp = xp - ratio * xt, pp = xp, pt = xt;
             for (int n = 2; n <= order; n++) {
                 pp *= xp;
@@ -50,8 +47,8 @@ static long pair_rows(qrls *q, const samples *s, int c, const double *lnt, const
     return rows;
 }
 
-static int fit_order(double *c, double *rms, double *condition, const samples *s, int ch,
-                     const double *lnt, const int *by_time, int order, errmsg *e)
+static int fit_order(double *c, double *rms, double *condition, const samples *s, int ch, const double *lnt,
+                     const int *by_time, int order, errmsg *e)
 {
     double x[MAX_ORDER] = {0};
     qrls_facts f = {0};
@@ -59,20 +56,17 @@ static int fit_order(double *c, double *rms, double *condition, const samples *s
         c[1] = 1;
     }
     qrls *q = qrls_new(order > 1 ? order - 1 : 1);
-    if (!q)
-        return err_set(e, "out of memory");
+    if (!q) return err_set(e, "out of memory");
     long rows = order > 1 ? pair_rows(q, s, ch, lnt, by_time, order) : 0;
     int bad = 0;
-    if (rows < 0)
-        bad = err_set(e, "least squares: LAPACK's QR factorisation failed");
+    if (rows < 0) bad = err_set(e, "least squares: LAPACK's QR factorisation failed");
     else if (order > 1 && rows < MIN_ROWS)
-        bad = err_set(e, "channel %d: expected at least %d pairs of usable samples, found %ld: give --response",
-                      ch, MIN_ROWS, rows);
-    else if (order > 1)
-        bad = qrls_solve(q, x, 1e-13, &f, e);
+        bad =
+            err_set(e, "channel %d: expected at least %d pairs of usable samples, found %ld: give --response",
+                    ch, MIN_ROWS, rows);
+    else if (order > 1) bad = qrls_solve(q, x, 1e-13, &f, e);
     qrls_free(q);
-    if (bad)
-        return -1;
+    if (bad) return -1;
     if (order > 1) {
         c[1] = 1;
         for (int n = 2; n <= order; n++) {
@@ -90,8 +84,7 @@ static int rises(const double *c, int order)
     double last = 0;
     for (int i = 1; i <= 512; i++) {
         double y = poly(c, order, i / 512.0);
-        if (!(y > last))
-            return 0;
+        if (!(y > last)) return 0;
         last = y;
     }
     return 1;
@@ -110,8 +103,7 @@ static int one_channel(response *r, int ch, solve_facts *facts, const samples *s
     int order = 0;
     for (int n = 2; n <= MAX_ORDER; n++) {
         double c[MAX_ORDER + 1] = {0}, rms = 0, condition = 0;
-        if (fit_order(c, &rms, &condition, s, ch, lnt, by_time, n, e))
-            return -1;
+        if (fit_order(c, &rms, &condition, s, ch, lnt, by_time, n, e)) return -1;
         if (rises(c, n) && rms < least * 0.995) {
             least = rms;
             order = n;
@@ -123,11 +115,9 @@ static int one_channel(response *r, int ch, solve_facts *facts, const samples *s
     if (!order)
         return err_set(e, "channel %d: no rising polynomial fits: times or order of the images wrong?", ch);
     facts->pixels[ch] = s->n[ch];
-    for (int z = 1; z <= r->max_code; z++)
-        r->finv[ch][z] = beyond(best, order, (double)z / s->clip[ch]);
+    for (int z = 1; z <= r->max_code; z++) r->finv[ch][z] = beyond(best, order, (double)z / s->clip[ch]);
     int changed = response_make_monotone(r, ch);
-    if (changed == -2)
-        return err_set(e, "out of memory");
+    if (changed == -2) return err_set(e, "out of memory");
     return changed < 0 ? err_set(e, "channel %d: the polynomial is not positive", ch) : 0;
 }
 
@@ -136,16 +126,13 @@ int mitsunaga_solve(response *r, solve_facts *facts, const samples *s, const dou
     response got;
     int by_time[1024];
     memset(facts, 0, sizeof *facts);
-    if (s->exposures > 1024)
-        return err_set(e, "expected at most 1024 images, found %d", s->exposures);
+    if (s->exposures > 1024) return err_set(e, "expected at most 1024 images, found %d", s->exposures);
     for (int k = 0; k < s->exposures; k++) {
         int at = 0;
-        for (int i = 0; i < s->exposures; i++)
-            at += lnt[i] < lnt[k] || (lnt[i] == lnt[k] && i < k);
+        for (int i = 0; i < s->exposures; i++) at += lnt[i] < lnt[k] || (lnt[i] == lnt[k] && i < k);
         by_time[at] = k;
     }
-    if (response_alloc(&got, s->channels, s->max_code, e))
-        return -1;
+    if (response_alloc(&got, s->channels, s->max_code, e)) return -1;
     memcpy(got.clip, s->clip, sizeof got.clip);
     for (int c = 0; c < s->channels; c++)
         if (one_channel(&got, c, facts, s, lnt, by_time, e)) {
@@ -154,7 +141,8 @@ int mitsunaga_solve(response *r, solve_facts *facts, const samples *s, const dou
         }
     if (response_normalise(&got)) {
         response_free(&got);
-        return err_set(e, "the recovered responses of the channels have nothing in common: times or order of the images wrong?");
+        return err_set(e, "the recovered responses of the channels have nothing in common: times or order of "
+                          "the images wrong?");
     }
     strcpy(got.origin, "mitsunaga");
     *r = got;

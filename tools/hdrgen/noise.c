@@ -43,19 +43,16 @@ static double modelled(const double p[3], const noise_cell *c)
     return p[0] * t[0] + p[1] * t[1] + (p[2] + rounding_var) * t[2];
 }
 
-/* Best p over one active set with weights n / (2 variance^2), the sampling variance of a variance.  Its cost; INFINITY: no
- * such p; NAN: out of memory. */
+/* Best p over one active set with weights n / (2 variance^2), the sampling variance of a variance.  Its cost;
+ * INFINITY: no such p; NAN: out of memory. */
 static double solve_set(double p[3], int set, const noise_cell *cells, int n, const double prev[3],
                         const double held[3])
 {
     int column[3], cols = 0;
-    for (int k = 0; k < 3; k++)
-        column[k] = (set >> k & 1) && held[k] < 0 ? cols++ : -1;
-    for (int k = 0; k < 3; k++)
-        p[k] = held[k] >= 0 ? held[k] : 0;
+    for (int k = 0; k < 3; k++) column[k] = (set >> k & 1) && held[k] < 0 ? cols++ : -1;
+    for (int k = 0; k < 3; k++) p[k] = held[k] >= 0 ? held[k] : 0;
     qrls *q = cols ? qrls_new(cols) : NULL;
-    if (cols && !q)
-        return NAN;
+    if (cols && !q) return NAN;
     double scale[3];
     for (int k = 0; k < 3; k++) {
         double biggest = 0, t[3];
@@ -74,21 +71,18 @@ static double solve_set(double p[3], int set, const noise_cell *cells, int n, co
             return NAN;
         }
         for (int k = 0; k < 3; k++)
-            if (column[k] >= 0)
-                row[column[k]] = w * t[k] * scale[k];
+            if (column[k] >= 0) row[column[k]] = w * t[k] * scale[k];
         row[cols] = w * rest;
     }
     if (cols) {
         double x[3] = {0};
         int bad = qrls_solve(q, x, 1e-10, NULL, NULL);
         qrls_free(q);
-        if (bad)
-            return bad == -2 ? NAN : INFINITY;
+        if (bad) return bad == -2 ? NAN : INFINITY;
         for (int k = 0; k < 3; k++)
             if (column[k] >= 0) {
                 p[k] = x[column[k]] * scale[k];
-                if (p[k] < 0)
-                    return INFINITY;
+                if (p[k] < 0) return INFINITY;
             }
     }
     double cost = 0;
@@ -107,24 +101,20 @@ int noise_fit(noise_model *m, const noise_cell *cells, int n, const noise_model 
         held[1] = fixed->read < 0 ? -1 : fixed->read * fixed->read;
         held[2] = fixed->code_var < 0 ? -1 : fmax(fixed->code_var - rounding_var, 0);
     }
-    if (n < 3)
-        return -1;
+    if (n < 3) return -1;
     double best[3] = {m->photon, m->read * m->read, fmax(m->code_var - rounding_var, 0)};
     for (int pass = 0; pass < 4; pass++) { /* the weights come from the previous pass's variances */
         double prev[3] = {best[0], best[1], best[2]}, least = INFINITY;
         for (int set = 0; set < 8; set++) {
             double p[3];
             double cost = solve_set(p, set, cells, n, prev, held);
-            if (isnan(cost))
-                return -2;
+            if (isnan(cost)) return -2;
             if (cost < least) {
                 least = cost;
-                for (int k = 0; k < 3; k++)
-                    best[k] = p[k];
+                for (int k = 0; k < 3; k++) best[k] = p[k];
             }
         }
-        if (!isfinite(least))
-            return -1;
+        if (!isfinite(least)) return -1;
     }
     m->photon = best[0];
     m->read = sqrt(best[1]);

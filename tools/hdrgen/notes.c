@@ -15,8 +15,7 @@ void notes_exposures(const job *j)
     if (t->alone)
         cli_note(
             "ISO or f-number differ and are not stated by all images: the given times are taken as they are");
-    else if (t->varies)
-        cli_note("ISO or f-number vary: taken into account relative to %s", j->shots[0].path);
+    else if (t->varies) cli_note("ISO or f-number vary: taken into account relative to %s", j->shots[0].path);
     if (t->iso_assumed > 0) cli_note("%s: no ISO: %g as the other images", t->lacks_iso, t->iso_assumed);
     if (t->f_assumed > 0) cli_note("%s: no f-number: %g as the other images", t->lacks_f, t->f_assumed);
     if (s->worst)

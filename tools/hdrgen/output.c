@@ -27,8 +27,7 @@ static const char *last_part(const char *path)
 static char *image_names(const job *j)
 {
     size_t need = 1;
-    for (int k = 0; k < j->n; k++)
-        need += strlen(j->shots[k].path) + 1;
+    for (int k = 0; k < j->n; k++) need += strlen(j->shots[k].path) + 1;
     char *all = malloc(need), *at = all;
     for (int k = 0; all && k < j->n; k++) {
         at += sprintf(at, "%s%s", k ? " " : "", last_part(j->shots[k].path));
@@ -39,8 +38,7 @@ static char *image_names(const job *j)
 static float *bytes_as_floats(const uint8_t *b, size_t n)
 {
     float *f = malloc(n * sizeof *f);
-    for (size_t i = 0; f && i < n; i++)
-        f[i] = b[i];
+    for (size_t i = 0; f && i < n; i++) f[i] = b[i];
     return f;
 }
 
@@ -48,8 +46,7 @@ static float *bytes_as_floats(const uint8_t *b, size_t n)
 static float *alpha_of(const uint8_t *flags, size_t n)
 {
     float *a = malloc(n * sizeof *a);
-    for (size_t i = 0; a && i < n; i++)
-        a[i] = flags[i] & MERGE_MISSING ? 0 : 1;
+    for (size_t i = 0; a && i < n; i++) a[i] = flags[i] & MERGE_MISSING ? 0 : 1;
     return a;
 }
 
@@ -123,17 +120,14 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
         err_set(e, "%s: out of memory", o->path);
         goto done;
     }
-    *type_used = o->type == OUTPUT_HALF && fits_half(j->radiance.pix, pixels * ch) ? OUTPUT_HALF : OUTPUT_FLOAT;
+    *type_used =
+        o->type == OUTPUT_HALF && fits_half(j->radiance.pix, pixels * ch) ? OUTPUT_HALF : OUTPUT_FLOAT;
     for (size_t c = 0; j->sigma && c < ch; c++)
         planes[np++] = (img_plane){sigma_names[ch == 3][c], j->sigma + c, ch, IMG_FLOAT};
-    if (alpha)
-        planes[np++] = (img_plane){"A", alpha, 1, IMG_HALF};
-    if (count)
-        planes[np++] = (img_plane){"exposures", count, 1, IMG_HALF};
-    if (flags)
-        planes[np++] = (img_plane){"flags", flags, 1, IMG_HALF};
-    for (int k = 0; k < j->n; k++)
-        times[k] = (float)j->exposure[k];
+    if (alpha) planes[np++] = (img_plane){"A", alpha, 1, IMG_HALF};
+    if (count) planes[np++] = (img_plane){"exposures", count, 1, IMG_HALF};
+    if (flags) planes[np++] = (img_plane){"flags", flags, 1, IMG_HALF};
+    for (int k = 0; k < j->n; k++) times[k] = (float)j->exposure[k];
     for (int c = 0; c < j->response.channels; c++) {
         noise[3 * c] = (float)j->noise[c].photon;
         noise[3 * c + 1] = (float)j->noise[c].read;
@@ -143,7 +137,8 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
         {.name = "hdrgen:times", .kind = IMG_ATTR_FLOATS, .f = times, .n = j->n},
         {.name = "hdrgen:images", .kind = IMG_ATTR_STRING, .s = names},
         {.name = "hdrgen:response", .kind = IMG_ATTR_STRING, .s = j->response.origin},
-        {.name = "hdrgen:weight", .kind = IMG_ATTR_STRING,
+        {.name = "hdrgen:weight",
+         .kind = IMG_ATTR_STRING,
          .s = j->opts.weight == MERGE_DEBEVEC ? "debevec" : "noise"},
         {.name = "hdrgen:noise", .kind = IMG_ATTR_FLOATS, .f = noise, .n = 3 * j->response.channels},
         {.name = "hdrgen:scale", .kind = IMG_ATTR_FLOAT, .v = {j->facts.scale}},
@@ -153,8 +148,13 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
     na += attrs_of_colours(attrs + na, balance, j, o->path);
     if (j->opts.patch[2] > 0 || j->opts.absolute) /* values are W/sr/m2: 179 lm/W is what white 1 is worth */
         attrs[na++] = (img_attr){.name = "whiteLuminance", .kind = IMG_ATTR_FLOAT, .v = {179}};
-    img_write_opts w = {.type = *type_used == OUTPUT_HALF ? IMG_HALF : IMG_FLOAT, .compression = o->compression,
-                        .planes = planes, .nplanes = np, .attrs = attrs, .nattrs = na, .comment = o->command};
+    img_write_opts w = {.type = *type_used == OUTPUT_HALF ? IMG_HALF : IMG_FLOAT,
+                        .compression = o->compression,
+                        .planes = planes,
+                        .nplanes = np,
+                        .attrs = attrs,
+                        .nattrs = na,
+                        .comment = o->command};
     code = img_write(&j->radiance, o->path, &w, e);
 done:
     free(count);

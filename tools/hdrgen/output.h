@@ -13,7 +13,7 @@ typedef struct output_opts {
     output_type type;
     const char *compression; /* as img_write_opts, or NULL */
     int want_flags;
-    const char *command;     /* command line, for the header */
+    const char *command; /* command line, for the header */
 } output_opts;
 
 /* Write j's picture.  HALF becomes FLOAT where half would overflow or lose bits: *type_used says. */

@@ -17,11 +17,9 @@ typedef struct canvas {
 static void mix(canvas *c, double px, double py, const float ink[3], float strength)
 {
     int x = (int)floor(px), y = (int)floor(py);
-    if (x < MARGIN || x >= WIDTH - MARGIN || y < MARGIN || y >= HEIGHT - MARGIN)
-        return;
+    if (x < MARGIN || x >= WIDTH - MARGIN || y < MARGIN || y >= HEIGHT - MARGIN) return;
     float *p = c->im.pix + ((size_t)y * WIDTH + (size_t)x) * 3;
-    for (int k = 0; k < 3; k++)
-        p[k] += strength * (ink[k] - p[k]);
+    for (int k = 0; k < 3; k++) p[k] += strength * (ink[k] - p[k]);
 }
 
 static double x_of(const canvas *c, double z)
@@ -48,8 +46,7 @@ static void points(canvas *c, const job *j, int ch, const float ink[3])
         }
         for (int k = 0; den > 0 && k < s->exposures; k++) {
             double y = y_of(c, num / den + log2(j->exposure[k])), x = x_of(c, z[k] + 0.5);
-            for (int d = 0; d < 4; d++)
-                mix(c, x + (d & 1), y + (d >> 1), ink, 0.35f);
+            for (int d = 0; d < 4; d++) mix(c, x + (d & 1), y + (d >> 1), ink, 0.35f);
         }
     }
 }
@@ -63,8 +60,7 @@ static void curve(canvas *c, const response *r, int ch, const float ink[3])
         double e = r->finv[ch][at] + (z - at) * (r->finv[ch][at + 1] - r->finv[ch][at]);
         double y = e > 0 ? y_of(c, log2(e)) : NAN;
         if (isfinite(y) && isfinite(last))
-            for (double t = fmin(y, last); t <= fmax(y, last) + 1; t++)
-                mix(c, MARGIN + x, t, ink, 1);
+            for (double t = fmin(y, last); t <= fmax(y, last) + 1; t++) mix(c, MARGIN + x, t, ink, 1);
         last = y;
     }
 }
@@ -73,25 +69,19 @@ int plot_response(const job *j, const char *path, errmsg *e)
 {
     static const float inks[3][3] = {{200, 30, 30}, {20, 140, 40}, {40, 60, 220}}, grid[3] = {215, 215, 215};
     canvas c = {.max_code = j->response.max_code, .hi = -INFINITY};
-    if (img_alloc(&c.im, WIDTH, HEIGHT, 3, e))
-        return -1;
+    if (img_alloc(&c.im, WIDTH, HEIGHT, 3, e)) return -1;
     c.im.info.coded = 1;
     c.im.info.max_code = 255;
-    for (size_t i = 0; i < (size_t)WIDTH * HEIGHT * 3; i++)
-        c.im.pix[i] = 255;
+    for (size_t i = 0; i < (size_t)WIDTH * HEIGHT * 3; i++) c.im.pix[i] = 255;
     for (int ch = 0; ch < j->response.channels; ch++)
         c.hi = fmax(c.hi, ceil(log2(j->response.finv[ch][j->response.max_code]) + 0.5));
     c.lo = c.hi - 16;
     for (int stop = 0; stop <= 16; stop++)
-        for (int x = MARGIN; x < WIDTH - MARGIN; x++)
-            mix(&c, x, y_of(&c, c.lo + stop), grid, 1);
+        for (int x = MARGIN; x < WIDTH - MARGIN; x++) mix(&c, x, y_of(&c, c.lo + stop), grid, 1);
     for (int part = 0; part <= 8; part++)
-        for (int y = MARGIN; y < HEIGHT - MARGIN; y++)
-            mix(&c, x_of(&c, c.max_code * part / 8), y, grid, 1);
-    for (int ch = 0; ch < j->response.channels; ch++)
-        points(&c, j, ch, inks[ch]);
-    for (int ch = 0; ch < j->response.channels; ch++)
-        curve(&c, &j->response, ch, inks[ch]);
+        for (int y = MARGIN; y < HEIGHT - MARGIN; y++) mix(&c, x_of(&c, c.max_code * part / 8), y, grid, 1);
+    for (int ch = 0; ch < j->response.channels; ch++) points(&c, j, ch, inks[ch]);
+    for (int ch = 0; ch < j->response.channels; ch++) curve(&c, &j->response, ch, inks[ch]);
     int bad = img_write(&c.im, path, NULL, e);
     img_free(&c.im);
     return bad;

@@ -17,7 +17,7 @@ struct qrls {
     int cap;
     int failed; /* -1; -2: out of memory */
     long rows;
-    double *a;  /* cap x (n+1), row-major */
+    double *a;   /* cap x (n+1), row-major */
     double *col; /* the same, column-major, for LAPACK */
     double *tau;
 };
@@ -25,8 +25,7 @@ struct qrls {
 qrls *qrls_new(int columns)
 {
     qrls *q = calloc(1, sizeof *q);
-    if (!q)
-        return NULL;
+    if (!q) return NULL;
     size_t m = (size_t)columns + 1;
     q->n = columns;
     q->cap = columns + 1 + BLOCK;
@@ -42,8 +41,7 @@ qrls *qrls_new(int columns)
 
 void qrls_free(qrls *q)
 {
-    if (!q)
-        return;
+    if (!q) return;
     free(q->a);
     free(q->col);
     free(q->tau);
@@ -64,8 +62,7 @@ static int no_memory(lapack_int info)
 static void fold(qrls *q)
 {
     int m = q->n + 1, rows = q->filled;
-    if (rows == 0 || q->failed)
-        return;
+    if (rows == 0 || q->failed) return;
     for (int i = 0; i < rows; i++)
         for (int j = 0; j < m; j++)
             q->col[(size_t)j * (size_t)rows + (size_t)i] = q->a[(size_t)i * (size_t)m + (size_t)j];
@@ -84,10 +81,8 @@ static void fold(qrls *q)
 
 double *qrls_row(qrls *q)
 {
-    if (q->filled == q->cap)
-        fold(q);
-    if (q->failed)
-        return NULL;
+    if (q->filled == q->cap) fold(q);
+    if (q->failed) return NULL;
     size_t m = (size_t)q->n + 1;
     double *row = q->a + (size_t)q->filled * m;
     memset(row, 0, m * sizeof *row);
@@ -100,31 +95,24 @@ int qrls_add_eliminating(qrls *q, double *rows, double *nuisance, int n)
 {
     int m = q->n + 1;
     double norm = 0;
-    for (int i = 0; i < n; i++)
-        norm += nuisance[i] * nuisance[i];
-    if (!(norm > 0))
-        return 0;
+    for (int i = 0; i < n; i++) norm += nuisance[i] * nuisance[i];
+    if (!(norm > 0)) return 0;
     norm = sqrt(norm);
     /* v = u + sign(u0)|u| e0 ; H = I - 2 v v^T / v^T v turns u into a multiple of e0 */
     double *v = nuisance;
     v[0] += v[0] < 0 ? -norm : norm;
     double vv = 0;
-    for (int i = 0; i < n; i++)
-        vv += v[i] * v[i];
+    for (int i = 0; i < n; i++) vv += v[i] * v[i];
     for (int j = 0; j < m; j++) {
         double dot = 0;
-        for (int i = 0; i < n; i++)
-            dot += v[i] * rows[(size_t)i * (size_t)m + (size_t)j];
-        if (dot == 0)
-            continue;
+        for (int i = 0; i < n; i++) dot += v[i] * rows[(size_t)i * (size_t)m + (size_t)j];
+        if (dot == 0) continue;
         dot *= 2 / vv;
-        for (int i = 0; i < n; i++)
-            rows[(size_t)i * (size_t)m + (size_t)j] -= dot * v[i];
+        for (int i = 0; i < n; i++) rows[(size_t)i * (size_t)m + (size_t)j] -= dot * v[i];
     }
     for (int i = 1; i < n; i++) { /* row 0 only determines the nuisance unknown */
         double *row = qrls_row(q);
-        if (!row)
-            return -1;
+        if (!row) return -1;
         memcpy(row, rows + (size_t)i * (size_t)m, (size_t)m * sizeof *row);
     }
     return 0;
@@ -134,7 +122,8 @@ int qrls_solve(qrls *q, double *x, double rcond, qrls_facts *facts, errmsg *e)
 {
     fold(q);
     if (q->failed) {
-        err_set(e, q->failed == -2 ? "least squares: out of memory" : "least squares: LAPACK's QR factorisation failed");
+        err_set(e, q->failed == -2 ? "least squares: out of memory"
+                                   : "least squares: LAPACK's QR factorisation failed");
         return q->failed;
     }
     int n = q->n, m = n + 1;
@@ -155,7 +144,8 @@ int qrls_solve(qrls *q, double *x, double rcond, qrls_facts *facts, errmsg *e)
     lapack_int info = LAPACKE_dgelsd(LAPACK_COL_MAJOR, n, n, 1, r, n, b, n, s, rcond, &rank);
     if (info != 0) {
         code = no_memory(info) ? -2 : -1;
-        err_set(e, code == -2 ? "least squares: out of memory" : "least squares: LAPACK's singular values did not converge");
+        err_set(e, code == -2 ? "least squares: out of memory"
+                              : "least squares: LAPACK's singular values did not converge");
         goto done;
     }
     for (int i = 0; i < n; i++)

@@ -15,7 +15,7 @@ typedef struct qrls qrls;
 typedef struct qrls_facts {
     double condition; /* largest over smallest singular value that was kept */
     int rank;
-    double rss;       /* |A x - b|^2 */
+    double rss; /* |A x - b|^2 */
     long rows;
 } qrls_facts;
 
@@ -33,7 +33,8 @@ double *qrls_row(qrls *q);
  * n x (columns+1), overwritten. */
 int qrls_add_eliminating(qrls *q, double *rows, double *nuisance, int n);
 
-/* x of minimal norm among the minimisers, singular values below rcond * largest dropped.  -1 failed, -2 out of memory. */
+/* x of minimal norm among the minimisers, singular values below rcond * largest dropped.  -1 failed, -2 out
+ * of memory. */
 int qrls_solve(qrls *q, double *x, double rcond, qrls_facts *facts, errmsg *e);
 
 #endif

@@ -60,7 +60,8 @@ int channel_alloc(channel *h, const samples *s, int c)
     h->cell = calloc(cells, sizeof *h->cell);
     h->code_w = calloc((size_t)s->max_code + 1, sizeof *h->code_w);
     h->scatter = calloc(2 * cells, sizeof *h->scatter);
-    return h->x && h->w && h->limit && h->shift && h->rt && h->y && h->cell && h->code_w && h->scatter ? 0 : -1;
+    return h->x && h->w && h->limit && h->shift && h->rt && h->y && h->cell && h->code_w && h->scatter ? 0
+                                                                                                       : -1;
 }
 
 void channel_prepare(channel *h, const response *r, const noise_model *m, const double *lnt)
@@ -73,8 +74,7 @@ void channel_prepare(channel *h, const response *r, const noise_model *m, const 
         tmax = fmax(tmax, lnt[k]);
         h->rt[k] = (float)exp(-lnt[k]);
     }
-    for (int z = 0; z <= r->max_code; z++)
-        h->y[z] = (float)f[z];
+    for (int z = 0; z <= r->max_code; z++) h->y[z] = (float)f[z];
     double lo = log(f[1]) - tmax, hi = log(f[top]) - tmin;
     h->lx0 = lo;
     h->bins_per_ln = BINS / (hi - lo);
@@ -88,14 +88,13 @@ void channel_prepare(channel *h, const response *r, const noise_model *m, const 
                 double z = response_forward(r, h->c, e);
                 double v = noise_variance(m, e, response_slope(r, h->c, (int)(z + 0.5)));
                 double sd = sqrt(v);
-                if (e > dark_sigmas * sd && e + bright_sigmas * sd < clip)
-                    w = e * e / v;
+                if (e > dark_sigmas * sd && e + bright_sigmas * sd < clip) w = e * e / v;
             }
             h->w[b * h->kk + k] = (float)w;
-            if (!(w > 0))
-                continue;
+            if (!(w > 0)) continue;
             double a = sqrt(w); /* e in sigmas; E[max(n, 0)] for a normal n, less e, over e */
-            h->shift[b * h->kk + k] = (float)(exp(-0.5 * a * a) / (sqrt(2 * M_PI) * a) - 0.5 * erfc(a * M_SQRT1_2));
+            h->shift[b * h->kk + k] =
+                (float)(exp(-0.5 * a * a) / (sqrt(2 * M_PI) * a) - 0.5 * erfc(a * M_SQRT1_2));
             h->limit[b * h->kk + k] = (float)(outlier_sigmas * sqrt(h->slack / w));
             h->first[b] = k < h->first[b] ? k : h->first[b];
             h->last[b] = k + 1;
@@ -132,8 +131,7 @@ void channel_gather(channel *h)
     int kk = h->kk, top = h->s->max_code;
     memset(h->cell, 0, sizeof *h->cell * (size_t)(BINS * kk));
     for (int i = 0; i < h->n; i++) {
-        if (!(h->x[i] > 0))
-            continue;
+        if (!(h->x[i] > 0)) continue;
         const uint16_t *z = h->s->z[h->c] + (size_t)i * (size_t)kk;
         int b = bin_of(h, h->x[i]);
         const float *w = h->w + b * kk, *shift = h->shift + b * kk;
@@ -143,8 +141,7 @@ void channel_gather(channel *h)
             num += wk * ((h->y[z[k]] - dark) * h->rt[k] - shift[k] * h->x[i]);
             den += wk;
         }
-        if (!(den > 0) || !(num > 0))
-            continue;
+        if (!(den > 0) || !(num > 0)) continue;
         h->x[i] = num / den;
         b = bin_of(h, h->x[i]);
         w = h->w + b * kk;
@@ -153,8 +150,7 @@ void channel_gather(channel *h)
         float rx = 1 / h->x[i], rden = 1 / den;
         cellsum *cell = h->cell + b * kk;
         for (int k = h->first[b]; k < h->last[b]; k++) {
-            if (!(w[k] > 0) || z[k] >= top)
-                continue;
+            if (!(w[k] > 0) || z[k] >= top) continue;
             float rho = (h->y[z[k]] - dark) * h->rt[k] * rx - 1 - shift[k];
             rho = rho < -limit[k] ? -limit[k] : rho > limit[k] ? limit[k] : rho;
             cell[k].n++;
@@ -170,21 +166,19 @@ void channel_gather(channel *h)
 
 /* Put the residuals' scatter in cells of a third of an octave in e, and fit. */
 int channel_fit_noise(noise_model *m, const channel *h, const response *r, const double *lnt,
-                       const noise_model *fixed, int damped)
+                      const noise_model *fixed, int damped)
 {
     noise_cell sum[CELLS] = {{0}}, full[CELLS];
     int used = 0;
     for (int b = 0; b < BINS; b++)
         for (int k = 0; k < h->kk; k++) {
             const cellsum *c = &h->cell[b * h->kk + k];
-            if (c->sq_n < 2)
-                continue;
+            if (c->sq_n < 2) continue;
             /* about the bin's own mean: an error of the response is not noise */
             double mean = c->rho / c->n, square = (c->sq - c->sq_n * mean * mean) * c->sq_n / (c->sq_n - 1);
             double e = bin_x(h, b) * exp(lnt[k]);
             int at = (int)(CELLS - 1 + floor(3 * log2(e)));
-            if (at < 0 || at >= CELLS)
-                continue;
+            if (at < 0 || at >= CELLS) continue;
             double z = response_forward(r, h->c, e);
             sum[at].n += c->sq_n;
             sum[at].e += c->sq_n * e;
@@ -249,7 +243,6 @@ double channel_chi2(const channel *h)
 int channel_pixels(const channel *h)
 {
     int pixels = 0;
-    for (int i = 0; i < h->n; i++)
-        pixels += h->x[i] > 0;
+    for (int i = 0; i < h->n; i++) pixels += h->x[i] > 0;
     return pixels;
 }

@@ -26,19 +26,16 @@ int response_alloc(response *r, int channels, int max_code, errmsg *e)
 
 void response_free(response *r)
 {
-    for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++)
-        free(r->finv[c]);
+    for (int c = 0; c < RESPONSE_MAX_CHANNELS; c++) free(r->finv[c]);
     memset(r, 0, sizeof *r);
 }
 
-static int by_formula(response *r, int channels, int max_code, double (*f)(double, double),
-                      double arg, const char *origin, errmsg *e)
+static int by_formula(response *r, int channels, int max_code, double (*f)(double, double), double arg,
+                      const char *origin, errmsg *e)
 {
-    if (response_alloc(r, channels, max_code, e))
-        return -1;
+    if (response_alloc(r, channels, max_code, e)) return -1;
     for (int c = 0; c < channels; c++)
-        for (int z = 0; z <= max_code; z++)
-            r->finv[c][z] = f((double)z / max_code, arg);
+        for (int z = 0; z <= max_code; z++) r->finv[c][z] = f((double)z / max_code, arg);
     snprintf(r->origin, sizeof r->origin, "%s", origin);
     return 0;
 }
@@ -62,8 +59,7 @@ int response_srgb(response *r, int channels, int max_code, errmsg *e)
 int response_gamma(response *r, int channels, int max_code, double g, errmsg *e)
 {
     char origin[64];
-    if (!(g >= 0.1 && g <= 10))
-        return err_set(e, "gamma: expected an exponent from 0.1 to 10, found %g", g);
+    if (!(g >= 0.1 && g <= 10)) return err_set(e, "gamma: expected an exponent from 0.1 to 10, found %g", g);
     snprintf(origin, sizeof origin, "gamma:%g", g);
     return by_formula(r, channels, max_code, pow, g, origin, e);
 }
@@ -73,8 +69,7 @@ int response_make_monotone(response *r, int c)
     double *f = r->finv[c];
     int n = r->max_code, changed = 0;
     for (int z = 1; z <= n; z++)
-        if (!(f[z] > 0) || !isfinite(f[z]))
-            return -1;
+        if (!(f[z] > 0) || !isfinite(f[z])) return -1;
     /* blocks of pooled codes: end[i] is the last code of block i, mean[i] its mean ln finv */
     double *mean = malloc((size_t)n * sizeof *mean);
     int *end = malloc((size_t)n * sizeof *end);
@@ -109,8 +104,7 @@ int response_make_monotone(response *r, int c)
     for (int z = 1; z <= n; z++) /* the darkest codes of a steep toe would leave the range of float */
         f[z] = fmax(f[z], f[n] * 1e-20);
     for (int z = 1; z <= n; z++)
-        if (!(f[z] > f[z - 1] * (1 + 1e-9)))
-            f[z] = f[z - 1] * (1 + 1e-9);
+        if (!(f[z] > f[z - 1] * (1 + 1e-9))) f[z] = f[z - 1] * (1 + 1e-9);
     return changed;
 }
 
@@ -118,8 +112,7 @@ static double hat_mean_log(const response *r, int c)
 {
     double sum = 0, weight = 0;
     int top = r->clip[0]; /* one for all channels, so that equal codes count alike */
-    for (int k = 1; k < r->channels; k++)
-        top = r->clip[k] < top ? r->clip[k] : top;
+    for (int k = 1; k < r->channels; k++) top = r->clip[k] < top ? r->clip[k] : top;
     for (int z = 1; z < top; z++) {
         double w = fmin(z, top - z);
         sum += w * log(r->finv[c][z]);
@@ -131,8 +124,7 @@ static double hat_mean_log(const response *r, int c)
 int response_top(const response *r)
 {
     int top = 0;
-    for (int c = 0; c < r->channels; c++)
-        top = r->clip[c] > top ? r->clip[c] : top;
+    for (int c = 0; c < r->channels; c++) top = r->clip[c] > top ? r->clip[c] : top;
     return top;
 }
 
@@ -146,12 +138,10 @@ int response_normalise(response *r)
     }
     for (int c = 0; c < r->channels; c++) {
         double scale = exp(-gauge[c] - top);
-        for (int z = 0; z <= r->max_code; z++)
-            r->finv[c][z] *= scale;
+        for (int z = 0; z <= r->max_code; z++) r->finv[c][z] *= scale;
     }
     for (int c = 0; c < r->channels; c++)
-        if (!(r->finv[c][r->clip[c]] > 1 / most && r->finv[c][r->clip[c]] < most))
-            return -1;
+        if (!(r->finv[c][r->clip[c]] > 1 / most && r->finv[c][r->clip[c]] < most)) return -1;
     return 0;
 }
 
@@ -176,16 +166,12 @@ double response_forward(const response *r, int c, double e)
 {
     const double *f = r->finv[c];
     int lo = 0, hi = r->max_code;
-    if (!(e > 0))
-        return 0;
-    if (e >= f[hi])
-        return hi;
+    if (!(e > 0)) return 0;
+    if (e >= f[hi]) return hi;
     while (hi - lo > 1) {
         int mid = (lo + hi) / 2;
-        if (f[mid] <= e)
-            lo = mid;
-        else
-            hi = mid;
+        if (f[mid] <= e) lo = mid;
+        else hi = mid;
     }
     return lo + (e - f[lo]) / (f[hi] - f[lo]);
 }

@@ -12,9 +12,10 @@
 enum { RESPONSE_MAX_CHANNELS = 3 };
 
 typedef struct response {
-    int channels;  /* 1 or 3 */
-    int max_code;  /* highest code; tables have max_code + 1 entries */
-    int clip[RESPONSE_MAX_CHANNELS]; /* codes from here on are clipped: max_code, or where the series' white lies */
+    int channels;                    /* 1 or 3 */
+    int max_code;                    /* highest code; tables have max_code + 1 entries */
+    int clip[RESPONSE_MAX_CHANNELS]; /* codes from here on are clipped: max_code, or where the series' white
+                                        lies */
     double *finv[RESPONSE_MAX_CHANNELS]; /* owned; finv[c][0] = 0 */
     char origin[64];                     /* how it was come by, for the picture's header */
 } response;
@@ -25,7 +26,7 @@ void response_free(response *r);
 
 /* Curves by formula; normalised so that finv(max_code) = 1. */
 int response_linear(response *r, int channels, int max_code, errmsg *e);
-int response_srgb(response *r, int channels, int max_code, errmsg *e);        /* IEC 61966-2-1 */
+int response_srgb(response *r, int channels, int max_code, errmsg *e);            /* IEC 61966-2-1 */
 int response_gamma(response *r, int channels, int max_code, double g, errmsg *e); /* e = z^g */
 
 /* Make channel c strictly increasing: pool adjacent violators in ln finv, then a least rise

@@ -31,8 +31,7 @@ int sampler_init(sampler *p, int width, int height, int exposures, int channels,
     for (int c = 0; c < channels; c++) {
         p->s.clip[c] = max_code;
         p->s.z[c] = malloc((size_t)p->s.cap * (size_t)exposures * sizeof *p->s.z[c]);
-        if (with_dark)
-            p->s.dark[c] = malloc((size_t)p->s.cap * sizeof *p->s.dark[c]);
+        if (with_dark) p->s.dark[c] = malloc((size_t)p->s.cap * sizeof *p->s.dark[c]);
         p->s.out[c] = calloc((size_t)p->s.cap, 1);
         p->s.at[c] = malloc((size_t)p->s.cap * sizeof *p->s.at[c]);
         p->s.steep[c] = malloc((size_t)p->s.cap * sizeof *p->s.steep[c]);
@@ -90,45 +89,40 @@ static int need_masks(sampler *p, const uint8_t *const *missing, errmsg *e)
 {
     samples *s = &p->s;
     int any = 0;
-    for (int k = 0; k < s->exposures; k++)
-        any |= missing[k] != NULL;
+    for (int k = 0; k < s->exposures; k++) any |= missing[k] != NULL;
     for (int c = 0; any && c < s->channels; c++)
         if (!s->gone[c] && !(s->gone[c] = calloc((size_t)s->cap, (size_t)s->exposures)))
             return err_set(e, "out of memory for %d sample pixels", s->cap);
     return 0;
 }
 
-static void take(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing, const uint16_t *dark, int x, int y,
-                 int at_y, long slope)
+static void take(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing,
+                 const uint16_t *dark, int x, int y, int at_y, long slope)
 {
     samples *s = &p->s;
     size_t at = ((size_t)y * (size_t)p->width + (size_t)x) * (size_t)p->lanes;
     int first = p->mosaic ? cfa_at(p->mosaic, x, at_y) : 0;
     for (int l = 0; l < p->lanes; l++) {
         int c = first + l;
-        if (s->n[c] == s->cap)
-            continue;
-        if (dark)
-            s->dark[c][s->n[c]] = dark[at + (size_t)l];
+        if (s->n[c] == s->cap) continue;
+        if (dark) s->dark[c][s->n[c]] = dark[at + (size_t)l];
         s->at[c][s->n[c]] = (uint32_t)at_y * (uint32_t)p->width + (uint32_t)x;
         float sum = 1;
         size_t to = (size_t)s->n[c] * (size_t)s->exposures;
         for (int k = 0; k < s->exposures; k++) {
             s->z[c][to + (size_t)k] = codes[k][at + (size_t)l];
             sum += codes[k][at + (size_t)l];
-            if (missing[k])
-                s->gone[c][to + (size_t)k] = missing[k][(size_t)y * (size_t)p->width + (size_t)x];
+            if (missing[k]) s->gone[c][to + (size_t)k] = missing[k][(size_t)y * (size_t)p->width + (size_t)x];
         }
         s->steep[c][s->n[c]++] = (float)slope / sum;
     }
 }
 
-int sampler_strip(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing, const uint16_t *dark, int y0,
-                  int rows, errmsg *e)
+int sampler_strip(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing,
+                  const uint16_t *dark, int y0, int rows, errmsg *e)
 {
     int cell = p->cell;
-    if (need_masks(p, missing, e))
-        return -1;
+    if (need_masks(p, missing, e)) return -1;
     /* a cell belongs to the strip that holds its first row, and is cut off at the strip's end */
     for (int cy = (y0 + cell - 1) / cell * cell; cy < y0 + rows; cy += cell) {
         int high = cy + cell <= y0 + rows ? cell : y0 + rows - cy;
@@ -146,8 +140,7 @@ int sampler_strip(sampler *p, const uint16_t *const *codes, const uint8_t *const
                     best_x = x;
                     best_y = y;
                 }
-                if (cell == 1)
-                    break;
+                if (cell == 1) break;
             }
             take(p, codes, missing, dark, best_x, best_y - y0, best_y, least);
         }

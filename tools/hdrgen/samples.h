@@ -10,21 +10,23 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "cfa.h"
 #include "base/errmsg.h"
+#include "cfa.h"
 #include "response.h"
 
 typedef struct samples {
     int exposures, channels, max_code;
     int n[RESPONSE_MAX_CHANNELS];
     int cap;
-    int clip[RESPONSE_MAX_CHANNELS];    /* codes from here on are clipped: max_code until white.h says otherwise */
-    uint16_t *z[RESPONSE_MAX_CHANNELS]; /* z[c][i*exposures + k]; max_code where clipped or missing */
+    int clip[RESPONSE_MAX_CHANNELS]; /* codes from here on are clipped: max_code until white.h says otherwise
+                                      */
+    uint16_t *z[RESPONSE_MAX_CHANNELS];   /* z[c][i*exposures + k]; max_code where clipped or missing */
     uint8_t *gone[RESPONSE_MAX_CHANNELS]; /* like z: not 0 where missing; NULL where nothing is */
-    uint8_t *out[RESPONSE_MAX_CHANNELS];  /* [i]: contradicts itself, nothing is learnt from it (contradict.h) */
-    uint32_t *at[RESPONSE_MAX_CHANNELS];  /* [i]: the pixel, y*width + x */
-    float *steep[RESPONSE_MAX_CHANNELS];  /* [i]: change of the code to the neighbours, over its mean */
-    int width, height, mosaic;            /* of the picture; each channel has pixels of its own */
+    uint8_t
+        *out[RESPONSE_MAX_CHANNELS]; /* [i]: contradicts itself, nothing is learnt from it (contradict.h) */
+    uint32_t *at[RESPONSE_MAX_CHANNELS];   /* [i]: the pixel, y*width + x */
+    float *steep[RESPONSE_MAX_CHANNELS];   /* [i]: change of the code to the neighbours, over its mean */
+    int width, height, mosaic;             /* of the picture; each channel has pixels of its own */
     uint16_t *dark[RESPONSE_MAX_CHANNELS]; /* dark[c][i]: the dark frame's code there; or NULL */
 } samples;
 
@@ -42,8 +44,8 @@ int sampler_init(sampler *p, int width, int height, int exposures, int channels,
 /* Look at rows [y0, y0+rows); codes[k] and missing[k] (frames.h) point at row y0 of exposure k, dark at
  * that of the dark
  * frame (NULL without). */
-int sampler_strip(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing, const uint16_t *dark, int y0,
-                  int rows, errmsg *e);
+int sampler_strip(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing,
+                  const uint16_t *dark, int y0, int rows, errmsg *e);
 
 void samples_free(samples *s);
 

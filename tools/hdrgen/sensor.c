@@ -39,11 +39,10 @@ static libraw_data_t *begin(const char *path, int *broken, errmsg *e)
         return NULL;
     }
     *broken = 0;
-    libraw_set_dataerror_handler(raw,
-                                 _Generic((data_callback)0, void (*)(void *, const char *, const int)
-                                          : damaged, default
-                                          : damaged_64),
-                                 broken);
+    libraw_set_dataerror_handler(
+        raw,
+        _Generic((data_callback)0, void (*)(void *, const char *, const int): damaged, default: damaged_64),
+        broken);
     raw->params.use_camera_wb = 1; /* the file's own matrix counts only with it */
     int rc = libraw_open_file(raw, path);
     if (rc != LIBRAW_SUCCESS) {
@@ -146,10 +145,8 @@ static int take_facts(sensor_facts *f, libraw_data_t *raw, const char *path, err
     if (raw->idata.colors != 1 && raw->idata.colors != 3)
         return err_set(e, "%s: expected a sensor of red, green and blue, found %d colours (%.4s, %s)", path,
                        raw->idata.colors, raw->idata.cdesc, f->camera);
-    if (raw->idata.colors == 3 && (raw->idata.filters == 0 || raw->idata.is_foveon))
-        f->channels = 3;
-    else
-        f->channels = 1;
+    if (raw->idata.colors == 3 && (raw->idata.filters == 0 || raw->idata.is_foveon)) f->channels = 3;
+    else f->channels = 1;
     if (f->channels == 1 && raw->idata.colors == 3 && take_mosaic(f, raw, path, e)) return -1;
     multipliers(f->balance, raw->color.cam_mul);
     multipliers(f->daylight, raw->color.pre_mul);

@@ -10,8 +10,8 @@
 
 #include <stdint.h>
 
-#include "cfa.h"
 #include "base/errmsg.h"
+#include "cfa.h"
 
 enum { SENSOR_CLIPPED = 65535 }; /* value of a photosite at or above its white level */
 

@@ -22,11 +22,9 @@ static const char *last_part(const char *path)
 static shot *find(shot *shots, int n, const char *name)
 {
     for (int i = 0; i < n; i++)
-        if (strcmp(shots[i].path, name) == 0)
-            return &shots[i];
+        if (strcmp(shots[i].path, name) == 0) return &shots[i];
     for (int i = 0; i < n; i++)
-        if (strcmp(last_part(shots[i].path), last_part(name)) == 0)
-            return &shots[i];
+        if (strcmp(last_part(shots[i].path), last_part(name)) == 0) return &shots[i];
     return NULL;
 }
 
@@ -34,20 +32,17 @@ static shot *find(shot *shots, int n, const char *name)
  * blanks work if they are the shot's own; plain names are cut at the first blank. */
 static int split(char *line, char **name, char **seconds)
 {
-    while (*line == ' ' || *line == '\t')
-        line++;
+    while (*line == ' ' || *line == '\t') line++;
     *name = line;
     if (*line == '"') { /* quoted: names with blanks */
         char *end = strchr(line + 1, '"');
-        if (!end)
-            return -1;
+        if (!end) return -1;
         *name = line + 1;
         *end = 0;
         line = end + 1;
     } else {
         line += strcspn(line, " \t");
-        if (*line)
-            *line++ = 0;
+        if (*line) *line++ = 0;
     }
     line += strspn(line, " \t");
     *seconds = line;
@@ -61,8 +56,7 @@ int times_load(shot *shots, int n, const char *path, errmsg *e)
     errmsg words;
     int at = 0, code = -1;
     FILE *in = fopen(path, "r");
-    if (!in)
-        return err_errno(e, "%s", path);
+    if (!in) return err_errno(e, "%s", path);
     double *given = calloc((size_t)n, sizeof *given);
     if (!given) {
         err_set(e, "out of memory");
@@ -74,19 +68,18 @@ int times_load(shot *shots, int n, const char *path, errmsg *e)
         at++;
         line[strcspn(line, "\r\n")] = 0;
         const char *start = line + strspn(line, " \t");
-        if (!*start || *start == '#')
-            continue;
+        if (!*start || *start == '#') continue;
         if (split(line, &name, &seconds)) {
             err_set(e, "%s: line %d: expected \"image seconds\"", path, at);
             goto done;
         }
         shot *s = find(shots, n, name);
         if (cli_parse_double(&t, seconds, &words) || !(t > 0)) {
-            err_set(e, "%s: line %d: expected seconds > 0 (\"0.5\", \"1/60\"), found \"%s\"", path, at, seconds);
+            err_set(e, "%s: line %d: expected seconds > 0 (\"0.5\", \"1/60\"), found \"%s\"", path, at,
+                    seconds);
             goto done;
         }
-        if (!s)
-            continue;
+        if (!s) continue;
         if (given[s - shots] > 0 && given[s - shots] != t) {
             err_set(e, "%s: line %d: expected one time for %s, found a second one", path, at, name);
             goto done;
@@ -102,8 +95,7 @@ int times_load(shot *shots, int n, const char *path, errmsg *e)
             err_set(e, "%s: expected a line for %s, found none", path, shots[i].path);
             goto done;
         }
-    for (int i = 0; i < n; i++)
-        shots[i].seconds = given[i];
+    for (int i = 0; i < n; i++) shots[i].seconds = given[i];
     code = 0;
 done:
     free(given);
@@ -151,7 +143,8 @@ int shots_resolve(shot *shots, int n, int times_given, times_facts *facts, errms
     *facts = (times_facts){0};
     for (int i = 0; i < n; i++) {
         if (!(shots[i].seconds > 0))
-            return err_set(e, "%s: expected an exposure time in its EXIF data, found none: give --times", shots[i].path);
+            return err_set(e, "%s: expected an exposure time in its EXIF data, found none: give --times",
+                           shots[i].path);
         if (!isfinite(shots[i].seconds) || shots[i].seconds < 1e-12 || shots[i].seconds > 1e9)
             return err_set(e, "%s: expected an exposure time from 1e-12 to 1e9 s, found %g", shots[i].path,
                            shots[i].seconds);

@@ -19,9 +19,10 @@
 enum { LEAST = 24, BINS = 256 };
 
 static const double longer = 1.15;
-static const double part_of_peak = 0.15; /* bins with fewer than this of the fullest one's don't belong to the pile */
-static const double stray = 0.02;        /* part of the pile that may lie below white, or above it */
-static const double differ = 0.06;       /* of the scale: by this much the shorter exposure's codes differ */
+static const double part_of_peak =
+    0.15; /* bins with fewer than this of the fullest one's don't belong to the pile */
+static const double stray = 0.02;  /* part of the pile that may lie below white, or above it */
+static const double differ = 0.06; /* of the scale: by this much the shorter exposure's codes differ */
 
 typedef struct pile {
     int *count; /* [max_code + 1] */
@@ -45,23 +46,15 @@ static int bin_of(const pile *p, int z)
 static int lower_end(const pile *p)
 {
     int in[BINS] = {0}, peak = 0;
-    for (int z = 0; z <= p->highest; z++)
-        in[bin_of(p, z)] += p->count[z];
-    for (int b = 0; b < BINS; b++)
-        peak = in[b] > in[peak] ? b : peak;
+    for (int z = 0; z <= p->highest; z++) in[bin_of(p, z)] += p->count[z];
+    for (int b = 0; b < BINS; b++) peak = in[b] > in[peak] ? b : peak;
     int low = peak, high = peak, members = 0, below = 0, z = 0;
-    while (low > 0 && in[low - 1] > part_of_peak * in[peak])
-        low--;
-    while (high < BINS - 1 && in[high + 1] > part_of_peak * in[peak])
-        high++;
-    for (int b = low; b <= high; b++)
-        members += in[b];
-    if (members < LEAST || members < p->total / 3)
-        return 0;
-    while (bin_of(p, z) < low)
-        z++;
-    for (; z < p->highest && below + p->count[z] <= stray * members; z++)
-        below += p->count[z];
+    while (low > 0 && in[low - 1] > part_of_peak * in[peak]) low--;
+    while (high < BINS - 1 && in[high + 1] > part_of_peak * in[peak]) high++;
+    for (int b = low; b <= high; b++) members += in[b];
+    if (members < LEAST || members < p->total / 3) return 0;
+    while (bin_of(p, z) < low) z++;
+    for (; z < p->highest && below + p->count[z] <= stray * members; z++) below += p->count[z];
     return z;
 }
 
@@ -69,8 +62,7 @@ static int lower_end(const pile *p)
 static int shorter_than(const double *exposure, int l)
 {
     int k = l - 1;
-    while (k >= 0 && exposure[l] < longer * exposure[k])
-        k--;
+    while (k >= 0 && exposure[l] < longer * exposure[k]) k--;
     return k;
 }
 
@@ -81,10 +73,10 @@ static int same_in_both(pile *p, const samples *s, int c, const double *exposure
         int k = shorter_than(exposure, l);
         for (int i = 0; k >= 0 && i < s->n[c]; i++) {
             const uint16_t *z = s->z[c] + (size_t)i * (size_t)kk;
-            if (s->gone[c] && (s->gone[c][(size_t)i * (size_t)kk + (size_t)k] || s->gone[c][(size_t)i * (size_t)kk + (size_t)l]))
+            if (s->gone[c] && (s->gone[c][(size_t)i * (size_t)kk + (size_t)k] ||
+                               s->gone[c][(size_t)i * (size_t)kk + (size_t)l]))
                 continue;
-            if (2 * z[k] < p->highest || 2 * z[l] < p->highest || abs(z[k] - z[l]) > near)
-                continue;
+            if (2 * z[k] < p->highest || 2 * z[l] < p->highest || abs(z[k] - z[l]) > near) continue;
             p->count[z[k]]++;
             p->count[z[l]]++;
             p->total += 2;
@@ -97,16 +89,14 @@ static int same_in_both(pile *p, const samples *s, int c, const double *exposure
 static int rank(const int *count, int n, double part, int total)
 {
     int sum = 0, z = 0;
-    for (; z < n - 1 && sum + count[z] <= part * total; z++)
-        sum += count[z];
+    for (; z < n - 1 && sum + count[z] <= part * total; z++) sum += count[z];
     return z;
 }
 
 static int one_in_the_longer(pile *p, int *other, const samples *s, int c, const double *exposure)
 {
     int kk = s->exposures, l = kk - 1, k = shorter_than(exposure, l), top = s->max_code + 1;
-    if (k < 0)
-        return 0;
+    if (k < 0) return 0;
     memset(p->count, 0, sizeof *p->count * (size_t)top);
     memset(other, 0, sizeof *other * (size_t)top);
     p->total = 0;
@@ -119,14 +109,12 @@ static int one_in_the_longer(pile *p, int *other, const samples *s, int c, const
         p->total++;
     }
     int white = p->total >= LEAST ? lower_end(p) : 0, members = 0, above = 0;
-    if (!white)
-        return 0;
+    if (!white) return 0;
     int near = white + (int)ceil(2.0 / 255 * p->highest);
     for (int i = 0; i < s->n[c]; i++) {
         size_t at = (size_t)i * (size_t)kk;
         int z = s->z[c][at + (size_t)l];
-        if (z < white || (s->gone[c] && (s->gone[c][at + (size_t)k] || s->gone[c][at + (size_t)l])))
-            continue;
+        if (z < white || (s->gone[c] && (s->gone[c][at + (size_t)k] || s->gone[c][at + (size_t)l]))) continue;
         above += z > near;
         other[s->z[c][at + (size_t)k]]++;
         members++;
@@ -141,8 +129,7 @@ static void share(int clip[RESPONSE_MAX_CHANNELS], const samples *s)
 {
     int found = 0;
     for (int c = 0; c < s->channels; c++)
-        if (clip[c] < s->max_code && clip[c] > found)
-            found = clip[c];
+        if (clip[c] < s->max_code && clip[c] > found) found = clip[c];
     for (int c = 0; c < s->channels; c++)
         if (found && clip[c] == s->max_code && highest_code(s, c) <= found + s->max_code / 255)
             clip[c] = found;
@@ -162,8 +149,7 @@ int white_find(int clip[RESPONSE_MAX_CHANNELS], const samples *s, const double *
         p.total = 0;
         p.highest = highest_code(s, c);
         int white = p.highest > 3 ? same_in_both(&p, s, c, exposure) : 0;
-        if (!white && p.highest > 3)
-            white = one_in_the_longer(&p, other, s, c, exposure);
+        if (!white && p.highest > 3) white = one_in_the_longer(&p, other, s, c, exposure);
         clip[c] = white > 3 ? white : s->max_code;
     }
     share(clip, s);
@@ -179,7 +165,6 @@ void white_apply(samples *s, const int clip[RESPONSE_MAX_CHANNELS])
     for (int c = 0; c < s->channels; c++) {
         s->clip[c] = clip[c];
         for (size_t i = 0; i < (size_t)s->n[c] * (size_t)s->exposures; i++)
-            if (s->z[c][i] >= clip[c])
-                s->z[c][i] = (uint16_t)s->max_code;
+            if (s->z[c][i] >= clip[c]) s->z[c][i] = (uint16_t)s->max_code;
     }
 }

@@ -128,8 +128,7 @@ static camera_result judge_words(const camera_limits *l, off_t from, const char 
     off_t where = from;
     int len = said_one_of(&text, &where, l->log_fd, from, l->error_text), saved;
     words_at(words, l->log_fd, where);
-    if (len > 0)
-        err_set(e, "camera: it said '%.*s': %s", len, text, words);
+    if (len > 0) err_set(e, "camera: it said '%.*s': %s", len, text, words);
     else if (l->expect_text[0] && !said(NULL, l->log_fd, from, l->expect_text, strlen(l->expect_text)))
         err_set(e, "camera: expected it to say '%s', its last line is '%s'", l->expect_text, last);
     else if (l->saves_one && (saved = said(NULL, l->log_fd, from, "Saving file as ", 15)) > 1)
@@ -138,8 +137,7 @@ static camera_result judge_words(const camera_limits *l, off_t from, const char 
             "camera: it saved %d files under one name, each over the one before (raw and JPEG?): expected "
             "--filename {stem}.%%C",
             saved);
-    else
-        return CAMERA_OK;
+    else return CAMERA_OK;
     return CAMERA_FAILED;
 }
 
@@ -222,7 +220,6 @@ camera_result camera_run(const argwords *argv, const camera_limits *l, errmsg *e
         err_set(e, "camera: ended by signal %d%s%s", WTERMSIG(status), words[0] ? ": " : "", words);
     else if (WEXITSTATUS(status) != 0)
         err_set(e, "camera: exit code %d%s%s", WEXITSTATUS(status), words[0] ? ": " : "", words);
-    else
-        return judge_words(l, log_from, words, e);
+    else return judge_words(l, log_from, words, e);
     return CAMERA_FAILED;
 }

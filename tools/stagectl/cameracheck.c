@@ -116,9 +116,7 @@ stage_code camera_check(capture_run *r, const place *last, int begin, int end, d
     if (journal_check(r->j, p.i, p.j, k, (double[4]){d[0].share, d[1].share, d[0].shift[0], d[0].shift[1]},
                       e) != 0)
         return STAGE_FAILED;
-    if (d[0].share > r->s->check_difference && d[0].share > 2 * d[1].share)
-        tell(r, &p, d);
-    else
-        t->since = 0;
+    if (d[0].share > r->s->check_difference && d[0].share > 2 * d[1].share) tell(r, &p, d);
+    else t->since = 0;
     return STAGE_OK;
 }

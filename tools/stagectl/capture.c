@@ -10,12 +10,12 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/outfile.h"
 #include "cameracheck.h"
 #include "deadline.h"
 #include "files.h"
 #include "leftover.h"
 #include "names.h"
-#include "base/outfile.h"
 #include "signals.h"
 #include "trying.h"
 

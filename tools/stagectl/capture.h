@@ -49,7 +49,7 @@ typedef struct capture_run {
     const char *port;
     int assume_position;
     int keep_trying;
-    int baud, dtr_off; /* of the command line; 0 = the session's */
+    int baud, dtr_off;                           /* of the command line; 0 = the session's */
     void (*say)(const char *words);              /* for the user, one line; may be NULL */
     void (*progress)(const capture_progress *p); /* after each step; may be NULL */
     capture_progress now;
@@ -63,7 +63,7 @@ typedef struct capture_run {
     trying trying;
     camera_checks checks;
     int camera_failed; /* the last failure was the camera's */
-    place pending_at; /* recorded but not synced and renamed yet: these exposures of this place */
+    place pending_at;  /* recorded but not synced and renamed yet: these exposures of this place */
     int pending[EXPOSURES_MAX], n_pending;
     double committed_s;
     double started_s;

@@ -83,8 +83,7 @@ static stage_code compare_position(const capture_run *r, const double last[2], e
     stage_code c = st->driver->where(st, at, state, e);
     if (c != STAGE_OK || may_stand(r, at, last)) return c;
     char way[256];
-    if (st->facts.can_home)
-        snprintf(way, sizeof way, "home it: leave --assume-position out");
+    if (st->facts.can_home) snprintf(way, sizeof way, "home it: leave --assume-position out");
     else
         snprintf(way, sizeof way,
                  "set the stage to its zero by hand, restart the controller there, 'stagectl move %.3f "
@@ -239,10 +238,8 @@ void capture_leave_stage(capture_run *r, stage_code why)
     if (!st->port || why == STAGE_GONE) return;
     if (why == STAGE_INTERRUPTED) signals_acknowledge();
     stage_code c = st->driver->halt(st, &words);
-    if (c != STAGE_OK && c != STAGE_INTERRUPTED)
-        say(r, words.text);
-    else if (!st->position_known && r->was_known)
-        say(r, "stage: its position is lost");
+    if (c != STAGE_OK && c != STAGE_INTERRUPTED) say(r, words.text);
+    else if (!st->position_known && r->was_known) say(r, "stage: its position is lost");
     else if (r->was_known && st->position_known && st->facts.reports_position &&
              st->driver->where(st, at, state, &words) == STAGE_OK && journal_stopped(r->j, at, &words) != 0)
         say(r, words.text);

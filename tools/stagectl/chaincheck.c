@@ -28,7 +28,8 @@ static int sibling(char out[PATH_MAX], const char *name)
 static _Noreturn void become(const char *home, const char *program, char *const *words, int to)
 {
     int null = open("/dev/null", O_RDWR | O_CLOEXEC);
-    if (null >= 0 && chdir(home[0] ? home : ".") == 0 && dup2(null, 0) == 0 && dup2(null, 1) == 1 && dup2(to, 2) == 2)
+    if (null >= 0 && chdir(home[0] ? home : ".") == 0 && dup2(null, 0) == 0 && dup2(null, 1) == 1 &&
+        dup2(to, 2) == 2)
         execv(program, words);
     _exit(127);
 }
@@ -87,8 +88,10 @@ int chain_check(char words[256], const session *s, errmsg *e)
         }
         argwords w;
         char *all = NULL;
-        if (asprintf(&all, "%s --dry-run %s %s", name[k], options[k], rest[k]) < 0) return err_set(e, "out of memory");
-        int bad = argwords_split(&w, all, e), status = bad ? -1 : ask(line, s->home_folder, program, w.word, e);
+        if (asprintf(&all, "%s --dry-run %s %s", name[k], options[k], rest[k]) < 0)
+            return err_set(e, "out of memory");
+        int bad = argwords_split(&w, all, e),
+            status = bad ? -1 : ask(line, s->home_folder, program, w.word, e);
         if (!bad) argwords_free(&w);
         free(all);
         if (status < 0) return -1;

@@ -38,14 +38,10 @@ double fisheye_theta(const fisheye *f, double rho)
 {
     double h = f->half_fov;
     switch (f->lens) {
-    case LENS_EQUISOLID:
-        return 2 * asin(fmin(1, rho * sin(h / 2)));
-    case LENS_STEREOGRAPHIC:
-        return 2 * atan(rho * tan(h / 2));
-    case LENS_ORTHOGRAPHIC:
-        return asin(fmin(1, rho * sin(h)));
-    case LENS_EQUIDISTANT:
-        break;
+    case LENS_EQUISOLID: return 2 * asin(fmin(1, rho * sin(h / 2)));
+    case LENS_STEREOGRAPHIC: return 2 * atan(rho * tan(h / 2));
+    case LENS_ORTHOGRAPHIC: return asin(fmin(1, rho * sin(h)));
+    case LENS_EQUIDISTANT: break;
     }
     return rho * h;
 }

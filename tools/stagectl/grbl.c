@@ -29,10 +29,8 @@ static void set_travel(stage *s)
         int low_end = g->home_direction >> a & 1, positive = g->origin_at_home && low_end;
         f->lo[a] = positive ? 0 : -g->travel[a];
         f->hi[a] = positive ? g->travel[a] : 0;
-        if (low_end)
-            f->lo[a] += f->margin_mm;
-        else
-            f->hi[a] -= f->margin_mm;
+        if (low_end) f->lo[a] += f->margin_mm;
+        else f->hi[a] -= f->margin_mm;
     }
     if (g->is_hal && (g->keep_on & 3) == 3) f->motors_rest_ms = 255;
 }
@@ -90,10 +88,8 @@ static stage_code wake(stage *s, errmsg *e)
                 err_set(e, "stage: in state %s: not disturbed", grbl_state_name(m.state));
                 return STAGE_REFUSED;
             }
-            if (still)
-                r = grbl_soft_reset(s, &m, e);
-            else if (m.state == GRBL_DOOR) { /* it may still be slowing down */
-                int known = s->position_known;
+            if (still) r = grbl_soft_reset(s, &m, e);
+            else if (m.state == GRBL_DOOR) { /* it may still be slowing down */ int known = s->position_known;
                 r = grbl_halt(s, e);
                 s->position_known = s->position_known && known;
                 if (r == STAGE_OK) r = grbl_soft_reset(s, &m, e);
@@ -140,10 +136,8 @@ static stage_code grbl_connect(stage *s, errmsg *e)
     s->facts.reports_position = 1;
     set_travel(s);
     s->locked = m.state == GRBL_ALARMED;
-    if (s->locked)
-        s->position_known = 0;
-    else if (!s->facts.can_home)
-        s->position_known = 1; /* the controller's zero is what the user made it */
+    if (s->locked) s->position_known = 0;
+    else if (!s->facts.can_home) s->position_known = 1; /* the controller's zero is what the user made it */
     return STAGE_OK;
 }
 

@@ -73,8 +73,7 @@ static stage_code home_once(stage *s, const char *command, int *lost, errmsg *e)
     if (r == STAGE_SILENT && limit < needs)
         err_set(e, "stage: homing is not done after %.0f s; by $130, $131, $24 and $25 it may take %.0f s",
                 limit, needs);
-    else if (r == STAGE_SILENT)
-        err_set(e, "stage: homing is not done after %.0f s", limit);
+    else if (r == STAGE_SILENT) err_set(e, "stage: homing is not done after %.0f s", limit);
     return r;
 }
 
@@ -88,8 +87,7 @@ static void hint_at(const char *command, int alarm, errmsg *e)
             "stock GRBL homes Z first, which a stage of two axes has not: build it with HOMING_CYCLE_0 for X "
             "and Y alone, or, where it homes single axes (HOMING_SINGLE_AXIS_COMMANDS, grblHAL), set "
             "homing = $HX $HY";
-    else if (command[2] && !alarm)
-        hint = "this firmware homes no single axes (HOMING_SINGLE_AXIS_COMMANDS)";
+    else if (command[2] && !alarm) hint = "this firmware homes no single axes (HOMING_SINGLE_AXIS_COMMANDS)";
     if (!hint) return;
     snprintf(words, sizeof words, "%s", e->text);
     err_set(e, "%.600s; %s", words, hint);

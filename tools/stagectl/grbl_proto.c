@@ -93,18 +93,13 @@ const char *grbl_state_words(grbl_state s)
     case GRBL_HOLDING:
     case GRBL_HELD:
         return "somebody pressed feed hold; the next stagectl resets it, and its position is kept";
-    case GRBL_DOOR:
-        return "the safety door is open, or its input says so; close it";
+    case GRBL_DOOR: return "the safety door is open, or its input says so; close it";
     case GRBL_SLEEP:
         return "it was sent to sleep ($SLP) with its motors off; the next stagectl wakes it, then home it";
-    case GRBL_CHECK:
-        return "check mode ($C) moves nothing; the next stagectl ends it";
-    case GRBL_TOOL:
-        return "it waits for a change of tools";
-    case GRBL_ALARMED:
-        return "home it, or 'stagectl unlock' if it stands where it says";
-    default:
-        return NULL;
+    case GRBL_CHECK: return "check mode ($C) moves nothing; the next stagectl ends it";
+    case GRBL_TOOL: return "it waits for a change of tools";
+    case GRBL_ALARMED: return "home it, or 'stagectl unlock' if it stands where it says";
+    default: return NULL;
     }
 }
 

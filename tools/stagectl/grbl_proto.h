@@ -46,14 +46,14 @@ typedef enum grbl_state {
 
 typedef struct grbl_message {
     grbl_kind kind;
-    int number;                               /* error, alarm, setting */
-    double value;                             /* setting */
-    int supported;                            /* banner */
-    grbl_state state;                         /* status; GRBL_HELD = hold complete */
-    int sub;                                  /* status: Door:2 gives 2; -1 = none */
-    int limits; /* status: bits of the limit switches that are pressed (Pn:XY) */
-    int axes;                                 /* status: axes in pos */
-    int is_work;                              /* status: pos is the work position, not the machine's */
+    int number;       /* error, alarm, setting */
+    double value;     /* setting */
+    int supported;    /* banner */
+    grbl_state state; /* status; GRBL_HELD = hold complete */
+    int sub;          /* status: Door:2 gives 2; -1 = none */
+    int limits;       /* status: bits of the limit switches that are pressed (Pn:XY) */
+    int axes;         /* status: axes in pos */
+    int is_work;      /* status: pos is the work position, not the machine's */
     double pos[GRBL_AXES], offset[GRBL_AXES]; /* as reported: mm, or inches with $13=1 */
     int has_offset;                           /* status carried WCO: machine = work + offset */
     const char *text;                         /* points into the line */

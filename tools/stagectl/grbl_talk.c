@@ -44,43 +44,19 @@ static void keep_setting(stage *s, const grbl_message *m)
     for (const char *p = m->text; *p; p++)
         g->settings_sum = (g->settings_sum ^ (unsigned char)*p) * 0x100000001b3u;
     switch (m->number) {
-    case 1:
-        f->motors_rest_ms = whole;
-        break;
-    case 20:
-        g->soft_limits = whole & 1;
-        break;
-    case 21:
-        g->hard_limits = whole & 1;
-        break;
-    case 24:
-        g->locate = m->value;
-        break;
-    case 25:
-        g->seek = m->value;
-        break;
-    case 26:
-        g->debounce_ms = m->value;
-        break;
-    case 27:
-        g->pull_off = fabs(m->value);
-        break;
-    case 37: /* grblHAL: axes whose motors keep their current */
-        g->keep_on = whole;
-        break;
-    case 13:
-        g->inches = whole != 0;
-        break;
-    case 22:
-        g->home_switch = whole;
-        break;
-    case 23:
-        g->home_direction = whole;
-        break;
+    case 1: f->motors_rest_ms = whole; break;
+    case 20: g->soft_limits = whole & 1; break;
+    case 21: g->hard_limits = whole & 1; break;
+    case 24: g->locate = m->value; break;
+    case 25: g->seek = m->value; break;
+    case 26: g->debounce_ms = m->value; break;
+    case 27: g->pull_off = fabs(m->value); break;
+    case 37: /* grblHAL: axes whose motors keep their current */ g->keep_on = whole; break;
+    case 13: g->inches = whole != 0; break;
+    case 22: g->home_switch = whole; break;
+    case 23: g->home_direction = whole; break;
     case 100:
-    case 101:
-        f->steps_per_mm[m->number - 100] = m->value;
-        break;
+    case 101: f->steps_per_mm[m->number - 100] = m->value; break;
     case 110:
     case 111:
     case 112:
@@ -88,16 +64,13 @@ static void keep_setting(stage *s, const grbl_message *m)
         if (m->number < 112) f->max_feed[m->number - 110] = m->value;
         break;
     case 120:
-    case 121:
-        f->acceleration[m->number - 120] = m->value;
-        break;
+    case 121: f->acceleration[m->number - 120] = m->value; break;
     case 130:
     case 131:
     case 132:
         g->travel[m->number - 130] = fabs(m->value); /* sorted out in set_travel */
         break;
-    default:
-        break;
+    default: break;
     }
 }
 
@@ -145,9 +118,7 @@ stage_code grbl_take(stage *s, grbl_message *m, int want, double deadline, const
             s->position_known = s->under_way = g->homing = 0;
             err_set(e, "stage: the controller restarted while %s: its position is lost, home it", doing);
             return STAGE_REFUSED;
-        case GRBL_SETTING:
-            keep_setting(s, m);
-            break;
+        case GRBL_SETTING: keep_setting(s, m); break;
         case GRBL_FEEDBACK:
             if (!strncmp(m->text, "[VER:", 5)) {
                 size_t n = strlen(s->facts.ident);
@@ -164,11 +135,8 @@ stage_code grbl_take(stage *s, grbl_message *m, int want, double deadline, const
             g->tells_modes = 1;
             if (want & WANT_MODES) return STAGE_OK;
             break;
-        case GRBL_RESETTABLE:
-            g->resettable = 1;
-            break;
-        case GRBL_ECHO:
-            break;
+        case GRBL_RESETTABLE: g->resettable = 1; break;
+        case GRBL_ECHO: break;
         }
     }
 }
@@ -232,8 +200,7 @@ static stage_code await(stage *s, grbl_message *m, int want, double late_s, doub
             a.asked = 0;
             if (!worked_off && (r = grbl_stuck(s, m, doing, e)) != STAGE_OK) return r;
             if (++*alive == 2 && g->tells_modes) deadline = 0;
-        } else if (r != STAGE_SILENT)
-            return r;
+        } else if (r != STAGE_SILENT) return r;
         double now = now_s();
         if (now >= deadline && (*alive || a.asked == 0)) {
             err_set(e, "stage: no answer while %s", doing);

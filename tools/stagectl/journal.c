@@ -15,9 +15,9 @@
 #include <unistd.h>
 #include <zlib.h>
 
+#include "base/outfile.h"
 #include "journal_internal.h"
 #include "leftover.h"
-#include "base/outfile.h"
 
 static const char heading[] = "stagectl-journal 1";
 
@@ -119,7 +119,8 @@ static int replay(journal *j, const char *w)
     }
     if (sscanf(w, "shot %d %d %d %" SCNd64 " %" SCNd64 " %64s %lf %lf %39s", &i, &jj, &k, &t.size,
                &t.mtime_ns, t.digest, &t.clip, &t.black, t.temp) == 9 &&
-        t.size >= 0 && isfinite(t.clip) && isfinite(t.black) && !strchr(t.temp, '/')) /* in the folder itself */
+        t.size >= 0 && isfinite(t.clip) && isfinite(t.black) &&
+        !strchr(t.temp, '/')) /* in the folder itself */
         return journal_replay_shot(j, i, jj, k, &t);
     const int ahead = journal_replay_ahead(j, w);
     if (ahead != 0) return ahead > 0 ? 0 : -1;
@@ -163,17 +164,14 @@ int journal_append(journal *j, errmsg *e, const char *fmt, ...)
     for (const char *p = line; left > 0 && !bad;) {
         ssize_t w = write(j->fd, p, left);
         if (w < 0 && errno == EINTR) continue;
-        if (w < 0)
-            bad = err_errno(e, "%s", j->path);
+        if (w < 0) bad = err_errno(e, "%s", j->path);
         else {
             p += w;
             left -= (size_t)w;
         }
     }
-    if (!bad)
-        j->length += n + 10;
-    else if (ftruncate(j->fd, j->length) != 0)
-        return bad; /* half a record must not stand before the next */
+    if (!bad) j->length += n + 10;
+    else if (ftruncate(j->fd, j->length) != 0) return bad; /* half a record must not stand before the next */
     return bad;
 }
 
@@ -233,13 +231,12 @@ static int read_all(journal *j, off_t *whole, errmsg *e)
         }
         if (line_no == 1 && (!words || strcmp(words, heading) != 0))
             bad = err_set(e, "%s: expected '%s', found another kind of file or version", j->path, heading);
-        else if (!words)
-            bad = err_set(e, "%s: line %d is damaged", j->path, line_no);
-        else if (!strncmp(words, "plan ", 5))
-            bad = journal_same_plan(j, words);
+        else if (!words) bad = err_set(e, "%s: line %d is damaged", j->path, line_no);
+        else if (!strncmp(words, "plan ", 5)) bad = journal_same_plan(j, words);
         else if (line_no > 1 && replay(j, words) != 0 && !old)
             bad = err_set(e, "%s: line %d makes no sense here", j->path, line_no);
-        if (words && !strcmp(words, "anew")) old = end && memmem(end, (size_t)(text + size - end), " anew\n", 6) != NULL;
+        if (words && !strcmp(words, "anew"))
+            old = end && memmem(end, (size_t)(text + size - end), " anew\n", 6) != NULL;
         if (end) {
             at = end + 1;
             *whole = at - text;
@@ -256,8 +253,7 @@ static int lock_folder(journal *j, errmsg *e)
     if (asprintf(&path, "%s/.lock", j->s->folder) < 0) return err_set(e, "out of memory");
     j->lock_fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
     int bad = 0;
-    if (j->lock_fd < 0)
-        bad = err_errno(e, "%s", path);
+    if (j->lock_fd < 0) bad = err_errno(e, "%s", path);
     else if (flock(j->lock_fd, LOCK_EX | LOCK_NB) != 0) {
         long pid = leftover_owner(j->lock_fd);
         if (pid > 0)

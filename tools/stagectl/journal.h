@@ -7,19 +7,15 @@
  *   stagectl-journal 1            first
  *   plan SECTION.KEY VALUE        the plan's identity, one line a key
  *   seen DIGEST NAME              a file that decides what the camera sees, by its contents (depends.h)
- *   anew                          all above is struck off; the plan and the files that follow are those that count
- *   steps X Y                     steps/mm of the controller that it was begun with
- *   run SECONDS                   a run begins (Unix time)
- *   begin I J                     a place begins
- *   arrived I J X Y               it stands there: measured machine position, mm
- *   stopped X Y                   a run that ended early left the stage standing there, mm
- *   says I J K SECONDS F ISO      what the picture of the shot that follows states of itself; 0 = nothing
- *   beside I J K SIZE MTIME DIGEST TEMP NAME
- *                                 a file that came with the shot that follows (raw beside JPEG)
- *   shot I J K SIZE MTIME DIGEST CLIP BLACK TEMP NAME
- *                                 exposure K is on disk under the name TEMP and about to be renamed to NAME
- *   done I J                      the place is finished
- *   check I J K SHARE NOISE X Y   its exposure K taken again and compared (cameracheck.h)
+ *   anew                          all above is struck off; the plan and the files that follow are those that
+ * count steps X Y                     steps/mm of the controller that it was begun with run SECONDS a run
+ * begins (Unix time) begin I J                     a place begins arrived I J X Y               it stands
+ * there: measured machine position, mm stopped X Y                   a run that ended early left the stage
+ * standing there, mm says I J K SECONDS F ISO      what the picture of the shot that follows states of
+ * itself; 0 = nothing beside I J K SIZE MTIME DIGEST TEMP NAME a file that came with the shot that follows
+ * (raw beside JPEG) shot I J K SIZE MTIME DIGEST CLIP BLACK TEMP NAME exposure K is on disk under the name
+ * TEMP and about to be renamed to NAME done I J                      the place is finished check I J K SHARE
+ * NOISE X Y   its exposure K taken again and compared (cameracheck.h)
  *
  * The shot is recorded, and record and file are synced, before the rename: whatever happens between the two,
  * the next run finds either the whole file under its name or the whole file under the temporary one, and the
@@ -49,9 +45,9 @@ typedef struct journal_shot {
     int taken;
     int64_t size; /* bytes */
     int64_t mtime_ns;
-    char digest[65];    /* SHA-256 */
-    double clip, black; /* shares of the pixels */
-    char temp[40];      /* name of the temporary file in the session's folder */
+    char digest[65];               /* SHA-256 */
+    double clip, black;            /* shares of the pixels */
+    char temp[40];                 /* name of the temporary file in the session's folder */
     double seconds, f_number, iso; /* as the picture states them; 0 = it doesn't */
     journal_file *beside;          /* files that came with it, n_beside of them */
     int n_beside;
@@ -78,9 +74,9 @@ int journal_open(journal **j, const session *s, int mode, errmsg *e);
 /* Strike off what is on record and begin again in the same file, by the plan as it is now. */
 int journal_anew(journal *j, errmsg *e);
 
-/* Compare the files that the camera's view depends on with those on record, and put on record what is not.  A changed one
- * is refused while exposures are on record.  Returns how many were taken as they are though exposures stand on record
- * from before such records were made (to be told), or -1. */
+/* Compare the files that the camera's view depends on with those on record, and put on record what is not.  A
+ * changed one is refused while exposures are on record.  Returns how many were taken as they are though
+ * exposures stand on record from before such records were made (to be told), or -1. */
 int journal_seen(journal *j, const depends *d, errmsg *e);
 void journal_close(journal *j); /* NULL allowed */
 

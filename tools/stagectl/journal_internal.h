@@ -20,8 +20,8 @@ struct journal {
     depends seen; /* files as on record */
     int changed;  /* the plan on record is another: why */
     errmsg why;
-    uint64_t met[2]; /* rows of session_keys that the plan on record has */
-    int ahead[3];    /* the exposure that the records "says" and "beside" last read are of */
+    uint64_t met[2];   /* rows of session_keys that the plan on record has */
+    int ahead[3];      /* the exposure that the records "says" and "beside" last read are of */
     journal_shot next; /* what they say */
 };
 

@@ -11,9 +11,7 @@ int linebuf_push(linebuf *b, unsigned char byte)
     }
     if (b->n == 0) b->overlong = 0;
     if (byte < 0x20 || byte >= 0x7f) return 0;
-    if (b->n < LINE_MAX_BYTES)
-        b->text[b->n++] = (char)byte;
-    else
-        b->overlong = 1;
+    if (b->n < LINE_MAX_BYTES) b->text[b->n++] = (char)byte;
+    else b->overlong = 1;
     return 0;
 }

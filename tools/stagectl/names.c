@@ -60,8 +60,7 @@ static int quote(char *out, size_t room, const char *s)
         if (*s == '\'') {
             memcpy(out + n, "'\\''", 4);
             n += 4;
-        } else
-            out[n++] = *s;
+        } else out[n++] = *s;
     }
     out[n++] = '\'';
     out[n] = 0;
@@ -150,8 +149,7 @@ int name_command(argwords *argv, const session *s, const place *p, const double 
     if (!bad) {
         size_t pointers = ((size_t)given.n + lead + 1) * sizeof(char *);
         char **all = calloc(1, pointers + bytes + 16);
-        if (!all)
-            bad = err_set(e, "out of memory");
+        if (!all) bad = err_set(e, "out of memory");
         else {
             char *to = (char *)all + pointers;
             int n = 0;

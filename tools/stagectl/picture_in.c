@@ -86,12 +86,10 @@ int picture_whole(const char *path, errmsg *e)
     if (!f) return err_errno(e, "%s", path);
     int bad = fstat(fileno(f), &st) != 0 ? err_errno(e, "%s", path) : 0, decode = 0;
     size_t n = fread(head, 1, 8, f);
-    if (!bad && n == 8 && !memcmp(head, "\x89PNG\r\n\x1a\n", 8))
-        bad = png_whole(f, st.st_size, path, e);
+    if (!bad && n == 8 && !memcmp(head, "\x89PNG\r\n\x1a\n", 8)) bad = png_whole(f, st.st_size, path, e);
     else if (!bad && n == 8 && head[0] == 'P' && (head[1] == '5' || head[1] == '6'))
         bad = pnm_whole(f, head[1] == '6' ? 3 : 1, st.st_size, path, e);
-    else
-        decode = 1;
+    else decode = 1;
     if (!bad && decode && head[0] == 0xff && head[1] == 0xd8) bad = jpeg_ends(f, path, e);
     fclose(f);
     if (!bad && decode) {

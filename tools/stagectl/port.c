@@ -148,7 +148,8 @@ int port_open(port **out, const char *path, int baud, errmsg *warning, errmsg *e
     else if (flock(p->fd, LOCK_EX | LOCK_NB) != 0)
         bad = err_set(e, "%s: the port is in use by another program%s%s", path,
                       port_holder(who, sizeof who, path) ? ": " : "", who);
-    else if (!is_pty(&st) && port_holder(who, sizeof who, path)) /* one that doesn't lock; root gets past TIOCEXCL */
+    else if (!is_pty(&st) &&
+             port_holder(who, sizeof who, path)) /* one that doesn't lock; root gets past TIOCEXCL */
         bad = err_set(e, "%s: the port is in use by another program: %s", path, who);
     else if (ioctl(p->fd, TIOCEXCL) != 0) /* keeps out those who don't lock */
         bad = err_errno(e, "%s: exclusive use", path);

@@ -47,8 +47,7 @@ static int adopt(const char *folder, const char *temp, journal *j, const session
                 errmsg words;
                 if (lstat(to, &st) == 0 || rename(from, to) != 0)
                     err_set(&words, "%s: came with %s, and is left where it is", from, name);
-                else
-                    err_set(&words, "%s: came with %s and is not on record", to, name);
+                else err_set(&words, "%s: came with %s and is not on record", to, name);
                 if (tell) tell(words.text);
                 return 1;
             }

@@ -195,10 +195,8 @@ static void add_file(walk *w, const char *path, int depth)
     if (!n) return;
     sha256_add(&w->h, text, n);
     if (depth < 64) {
-        if (names_files(text, n))
-            words_of_binary(w, text, n, depth + 1);
-        else if (!has_zero(text, n))
-            words_of_text(w, text, n, depth + 1);
+        if (names_files(text, n)) words_of_binary(w, text, n, depth + 1);
+        else if (!has_zero(text, n)) words_of_text(w, text, n, depth + 1);
     }
     munmap(text, n);
 }
@@ -208,10 +206,8 @@ int scene_digest(char hex[65], const char *path, errmsg *e)
     walk w = {.raypath = getenv("RAYPATH")};
     struct stat st;
     int fd = open(path, O_RDONLY | O_CLOEXEC), bad = 0;
-    if (fd < 0 || fstat(fd, &st) != 0)
-        bad = err_errno(e, "%s", path);
-    else if (!S_ISREG(st.st_mode))
-        bad = err_set(e, "%s: expected a file", path);
+    if (fd < 0 || fstat(fd, &st) != 0) bad = err_errno(e, "%s", path);
+    else if (!S_ISREG(st.st_mode)) bad = err_set(e, "%s: expected a file", path);
     if (fd >= 0) close(fd);
     if (bad) return -1;
     sha256_begin(&w.h);

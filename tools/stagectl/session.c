@@ -46,16 +46,11 @@ static char *read_text(const char *path, errmsg *e)
     char *text = f ? calloc(1, MAX_BYTES + 1) : NULL;
     size_t n = text ? fread(text, 1, MAX_BYTES + 1, f) : 0;
     int bad = 0;
-    if (!f)
-        bad = err_errno(e, "%s", path);
-    else if (!text)
-        bad = err_set(e, "%s: out of memory", path);
-    else if (ferror(f))
-        bad = err_errno(e, "%s", path);
-    else if (n > MAX_BYTES)
-        bad = err_set(e, "%s: expected at most %d bytes", path, MAX_BYTES);
-    else if (memchr(text, 0, n))
-        bad = err_set(e, "%s: expected text, found a zero byte", path);
+    if (!f) bad = err_errno(e, "%s", path);
+    else if (!text) bad = err_set(e, "%s: out of memory", path);
+    else if (ferror(f)) bad = err_errno(e, "%s", path);
+    else if (n > MAX_BYTES) bad = err_set(e, "%s: expected at most %d bytes", path, MAX_BYTES);
+    else if (memchr(text, 0, n)) bad = err_set(e, "%s: expected text, found a zero byte", path);
     if (f) fclose(f);
     if (!bad) return text;
     free(text);
@@ -91,8 +86,7 @@ static int settle_kind(session *s, errmsg *e)
         if (text) {
             free(s->error_text);
             s->error_text = text;
-        } else
-            bad = err_set(e, "out of memory");
+        } else bad = err_set(e, "out of memory");
     }
     argwords_free(&words);
     return bad;
@@ -143,7 +137,8 @@ static int check(const session *s, errmsg *e)
     if (!strstr(s->command, "{file}") && !strstr(s->command, "{stem}"))
         return err_set(e, "[camera] command: expected {file} in it");
     if (!strcmp(s->times, "exif") || !strcmp(s->times, "asked"))
-        return err_set(e, "[output] times: expected the name of a list, found '%s', which belongs in [camera]",
+        return err_set(e,
+                       "[output] times: expected the name of a list, found '%s', which belongs in [camera]",
                        s->times);
     /* Names are tried on two nodes: each exposure of each place needs a name of its own. */
     if (names_check(s, e) != 0) return -1;
@@ -182,7 +177,8 @@ void session_free(session *s)
     char **texts[] = {&s->driver,      &s->port,           &s->axes,   &s->command,     &s->labels,
                       &s->error_text,  &s->exposures_text, &s->folder, &s->file,        &s->times,
                       &s->before,      &s->beside,         &s->hdrgen, &s->fishremap,   &s->ilfpack,
-                      &s->light_field, &s->depends,        &s->lens,   &s->home_folder, &s->expect_text, &s->homing};
+                      &s->light_field, &s->depends,        &s->lens,   &s->home_folder, &s->expect_text,
+                      &s->homing};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         free(*texts[i]);
         *texts[i] = NULL;

@@ -62,12 +62,12 @@ typedef struct session {
     int adaptive;
     double clip_share, black_share; /* shares of the pixels in the image circle that may clip, be black */
     double clip_level, black_level; /* of the highest code */
-    double circle;   /* radius of the image circle over half the picture's height; 0 = whole picture */
-    int check;       /* picture_check */
-    int check_picture;       /* places between looks at whether the camera still sees the same; 0 = never */
+    double circle;     /* radius of the image circle over half the picture's height; 0 = whole picture */
+    int check;         /* picture_check */
+    int check_picture; /* places between looks at whether the camera still sees the same; 0 = never */
     double check_difference; /* share of the contrast by which it may differ */
-    double overhead; /* s per exposure besides the exposure, for the plan's times */
-    double file_mb;  /* expected size of a file, for the plan's space */
+    double overhead;         /* s per exposure besides the exposure, for the plan's times */
+    double file_mb;          /* expected size of a file, for the plan's space */
     /* [output] */
     char *folder, *file, *times;
     int repeat_points;

@@ -131,16 +131,11 @@ int session_take(session *s, const session_key *k, const char *value, errmsg *e)
     void *at = (char *)s + k->offset;
     double v;
     switch ((key_kind)k->kind) {
-    case KEY_TEXT:
-        return take_text(at, value, e);
-    case KEY_NUMBER:
-        return take_numbers(at, 1, k, value, e);
-    case KEY_NUMBERS2:
-        return take_numbers(at, 2, k, value, e);
-    case KEY_NUMBERS4:
-        return take_numbers(at, 4, k, value, e);
-    case KEY_NUMBERS9:
-        return take_numbers(at, 9, k, value, e);
+    case KEY_TEXT: return take_text(at, value, e);
+    case KEY_NUMBER: return take_numbers(at, 1, k, value, e);
+    case KEY_NUMBERS2: return take_numbers(at, 2, k, value, e);
+    case KEY_NUMBERS4: return take_numbers(at, 4, k, value, e);
+    case KEY_NUMBERS9: return take_numbers(at, 9, k, value, e);
     case KEY_WHOLE:
         if (take_numbers(&v, 1, k, value, e) != 0) return -1;
         if (v != floor(v)) return err_set(e, "expected a whole number, found '%s'", value);
@@ -154,20 +149,13 @@ int session_take(session *s, const session_key *k, const char *value, errmsg *e)
         memcpy(at, n, sizeof n);
         return 0;
     }
-    case KEY_YES_NO:
-        return take_choice(at, value, no_yes, e);
-    case KEY_ON_OFF:
-        return take_choice(at, value, off_on, e);
-    case KEY_ORDER:
-        return take_choice(at, value, orders, e);
-    case KEY_CHECK:
-        return take_choice(at, value, checks, e);
-    case KEY_TIMES:
-        return take_choice(at, value, sources, e);
-    case KEY_ON_FAIL:
-        return take_choice(at, value, actions, e);
-    case KEY_AXES:
-        return take_axes(s, value, e);
+    case KEY_YES_NO: return take_choice(at, value, no_yes, e);
+    case KEY_ON_OFF: return take_choice(at, value, off_on, e);
+    case KEY_ORDER: return take_choice(at, value, orders, e);
+    case KEY_CHECK: return take_choice(at, value, checks, e);
+    case KEY_TIMES: return take_choice(at, value, sources, e);
+    case KEY_ON_FAIL: return take_choice(at, value, actions, e);
+    case KEY_AXES: return take_axes(s, value, e);
     case KEY_EXPOSURES:
         if (exposures_parse(s->exposure, &s->exposures, value, e) != 0) return -1;
         return take_text(at, value, e);
@@ -183,48 +171,23 @@ void session_value(char *out, size_t room, const session *s, const session_key *
     out[0] = 0;
     switch ((key_kind)k->kind) {
     case KEY_TEXT:
-    case KEY_AXES:
-        snprintf(out, room, "%s", *(char *const *)at);
-        return;
-    case KEY_WHOLE:
-        snprintf(out, room, "%d", *(const int *)at);
-        return;
-    case KEY_SIZE:
-        snprintf(out, room, "%dx%d", ((const int *)at)[0], ((const int *)at)[1]);
-        return;
-    case KEY_YES_NO:
-        snprintf(out, room, "%s", no_yes[*(const int *)at]);
-        return;
-    case KEY_ON_OFF:
-        snprintf(out, room, "%s", off_on[*(const int *)at]);
-        return;
-    case KEY_ORDER:
-        snprintf(out, room, "%s", orders[*(const int *)at]);
-        return;
-    case KEY_CHECK:
-        snprintf(out, room, "%s", checks[*(const int *)at]);
-        return;
-    case KEY_TIMES:
-        snprintf(out, room, "%s", sources[*(const int *)at]);
-        return;
-    case KEY_ON_FAIL:
-        snprintf(out, room, "%s", actions[*(const int *)at]);
-        return;
+    case KEY_AXES: snprintf(out, room, "%s", *(char *const *)at); return;
+    case KEY_WHOLE: snprintf(out, room, "%d", *(const int *)at); return;
+    case KEY_SIZE: snprintf(out, room, "%dx%d", ((const int *)at)[0], ((const int *)at)[1]); return;
+    case KEY_YES_NO: snprintf(out, room, "%s", no_yes[*(const int *)at]); return;
+    case KEY_ON_OFF: snprintf(out, room, "%s", off_on[*(const int *)at]); return;
+    case KEY_ORDER: snprintf(out, room, "%s", orders[*(const int *)at]); return;
+    case KEY_CHECK: snprintf(out, room, "%s", checks[*(const int *)at]); return;
+    case KEY_TIMES: snprintf(out, room, "%s", sources[*(const int *)at]); return;
+    case KEY_ON_FAIL: snprintf(out, room, "%s", actions[*(const int *)at]); return;
     case KEY_EXPOSURES:
         at = s->exposure;
         count = s->exposures;
         break;
-    case KEY_NUMBER:
-        break;
-    case KEY_NUMBERS2:
-        count = 2;
-        break;
-    case KEY_NUMBERS4:
-        count = 4;
-        break;
-    case KEY_NUMBERS9:
-        count = 9;
-        break;
+    case KEY_NUMBER: break;
+    case KEY_NUMBERS2: count = 2; break;
+    case KEY_NUMBERS4: count = 4; break;
+    case KEY_NUMBERS9: count = 9; break;
     }
     for (int i = 0; i < count && n < room; i++)
         n += (size_t)snprintf(out + n, room - n, "%s%.17g", i ? " " : "", ((const double *)at)[i]);

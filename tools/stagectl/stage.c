@@ -69,17 +69,10 @@ int motors_words(char *out, size_t room, const stage_facts *f)
 stage_code stage_port_error(errmsg *e, port_result r, const char *doing)
 {
     switch (r) {
-    case PORT_TIMEOUT:
-        err_set(e, "stage: no answer while %s", doing);
-        return STAGE_SILENT;
-    case PORT_GONE:
-        err_set(e, "stage: disconnected while %s", doing);
-        return STAGE_GONE;
-    case PORT_INTERRUPTED:
-        err_set(e, "interrupted while %s", doing);
-        return STAGE_INTERRUPTED;
-    case PORT_OK:
-        break;
+    case PORT_TIMEOUT: err_set(e, "stage: no answer while %s", doing); return STAGE_SILENT;
+    case PORT_GONE: err_set(e, "stage: disconnected while %s", doing); return STAGE_GONE;
+    case PORT_INTERRUPTED: err_set(e, "interrupted while %s", doing); return STAGE_INTERRUPTED;
+    case PORT_OK: break;
     }
     return STAGE_OK;
 }

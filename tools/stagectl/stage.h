@@ -51,7 +51,7 @@ typedef struct stage_driver {
      * there from the homed side.  found[a] = 0: not within reach, seen is the last place without it.  Home
      * afterwards.  NULL: the controller doesn't show its switches. */
     stage_code (*find_switches)(stage *s, double seen[2], int found[2], errmsg *e);
-    void (*release)(stage *s);                    /* free what connect made */
+    void (*release)(stage *s); /* free what connect made */
 } stage_driver;
 
 struct stage {

@@ -9,8 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "capture.h"
 #include "base/cli.h"
+#include "capture.h"
 #include "files.h"
 #include "names.h"
 #include "signals.h"
@@ -239,10 +239,8 @@ static int do_unlock(void)
     stage_code c = s.driver->unlock(&s, &e);
     if (c == STAGE_OK) c = s.driver->where(&s, xy, state, &e);
     if (c != STAGE_OK) end_stage(&s, c, &e);
-    if (was)
-        cli_warn("its position is taken on your word: an alarm in motion loses steps");
-    else
-        cli_note("it was not locked");
+    if (was) cli_warn("its position is taken on your word: an alarm in motion loses steps");
+    else cli_note("it was not locked");
     printf("%.3f %.3f\n", xy[0], xy[1]);
     stage_close(&s);
     return CLI_OK;
@@ -331,13 +329,16 @@ static int do_capture(const char *path)
         cli_fail(CLI_FAILED, "%s", e.text);
     depends seen, after;
     if (depends_find(&seen, &s, 1, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
-    if (journal_open(&j, &s, o.anew ? JOURNAL_ANEW : JOURNAL_GO_ON, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
+    if (journal_open(&j, &s, o.anew ? JOURNAL_ANEW : JOURNAL_GO_ON, &e) != 0)
+        cli_fail(CLI_FAILED, "%s", e.text);
     if (o.anew && (times_remove(&s, &e) != 0 || journal_anew(j, &e) != 0)) cli_fail(CLI_FAILED, "%s", e.text);
     if (journal_dropped(j)) cli_note("%s/journal: dropped a torn last line", s.folder);
     int adopted = journal_seen(j, &seen, &e);
     if (adopted < 0) cli_fail(CLI_FAILED, "%s", e.text);
     if (adopted)
-        cli_warn("%s/journal: what the camera saw is not on record for the exposures on disk; taken to be what it sees now", s.folder);
+        cli_warn("%s/journal: what the camera saw is not on record for the exposures on disk; taken to be "
+                 "what it sees now",
+                 s.folder);
     const plan_limits none = {{0}, {0}};
     plan_totals t;
     plan_sum(&t, &s, &none);
@@ -372,7 +373,8 @@ static int do_verify(const char *path)
     errmsg e;
     load_session(&s, path);
     depends seen;
-    if (journal_open(&j, &s, JOURNAL_READ, &e) != 0 || depends_find(&seen, &s, 0, &e) != 0 || journal_seen(j, &seen, &e) < 0)
+    if (journal_open(&j, &s, JOURNAL_READ, &e) != 0 || depends_find(&seen, &s, 0, &e) != 0 ||
+        journal_seen(j, &seen, &e) < 0)
         cli_fail(CLI_FAILED, "%s", e.text);
     depends_free(&seen);
     long amiss = reconcile(j, &s, 1, 0, warn, &e), done = 0, shots = journal_shots(j);
@@ -393,30 +395,18 @@ int main(int argc, char **argv)
     const char *what = n > 0 ? argv[1] : "";
     signals_install(status_line);
     int code = -1;
-    if (!strcmp(what, "home") && n == 1)
-        code = do_home();
-    else if (!strcmp(what, "move") && n == 3)
-        code = do_move(argv[2], argv[3]);
-    else if (!strcmp(what, "where") && n == 1)
-        code = do_status(1);
-    else if (!strcmp(what, "status") && n == 1)
-        code = do_status(0);
-    else if (!strcmp(what, "unlock") && n == 1)
-        code = do_unlock();
-    else if (!strcmp(what, "plan") && n == 2)
-        code = show_plan(argv[2], o.port);
-    else if ((!strcmp(what, "capture") || !strcmp(what, "resume")) && n == 2)
-        code = do_capture(argv[2]);
-    else if (!strcmp(what, "verify") && n == 2)
-        code = do_verify(argv[2]);
-    else if (!strcmp(what, "get") && n == 3)
-        code = show_get(argv[2], argv[3]);
-    else if (!strcmp(what, "list") && n == 2)
-        code = show_list(argv[2]);
-    else if (!strcmp(what, "seen") && n == 2)
-        code = show_seen(argv[2]);
-    else if (!strcmp(what, "keys") && n == 1)
-        code = show_keys();
+    if (!strcmp(what, "home") && n == 1) code = do_home();
+    else if (!strcmp(what, "move") && n == 3) code = do_move(argv[2], argv[3]);
+    else if (!strcmp(what, "where") && n == 1) code = do_status(1);
+    else if (!strcmp(what, "status") && n == 1) code = do_status(0);
+    else if (!strcmp(what, "unlock") && n == 1) code = do_unlock();
+    else if (!strcmp(what, "plan") && n == 2) code = show_plan(argv[2], o.port);
+    else if ((!strcmp(what, "capture") || !strcmp(what, "resume")) && n == 2) code = do_capture(argv[2]);
+    else if (!strcmp(what, "verify") && n == 2) code = do_verify(argv[2]);
+    else if (!strcmp(what, "get") && n == 3) code = show_get(argv[2], argv[3]);
+    else if (!strcmp(what, "list") && n == 2) code = show_list(argv[2]);
+    else if (!strcmp(what, "seen") && n == 2) code = show_seen(argv[2]);
+    else if (!strcmp(what, "keys") && n == 1) code = show_keys();
     if (code < 0 && n == 0)
         cli_fail(CLI_USAGE,
                  "expected a command: home, move, where, status, unlock, plan, capture, verify, keys");

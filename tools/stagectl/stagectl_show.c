@@ -7,9 +7,9 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
+#include "base/cli.h"
 #include "camerawords.h"
 #include "chaincheck.h"
-#include "base/cli.h"
 #include "depends.h"
 #include "names.h"
 #include "plan.h"
@@ -102,8 +102,7 @@ int show_plan(const char *path, const char *device)
                f.max_feed[1], f.acceleration[0], f.acceleration[1]);
         char motors[300];
         if (motors_words(motors, sizeof motors, &f)) cli_warn("%s", motors);
-    } else
-        printf("controller  not asked: %s\n", e.text);
+    } else printf("controller  not asked: %s\n", e.text);
     print_travel(&s, &f, path);
     char words[256];
     if (chain_check(words, &s, &e) != 0) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
@@ -125,10 +124,8 @@ int show_get(const char *path, const char *what)
             continue;
         session_value(text, sizeof text, &s, k);
         int bad = 0;
-        if (!strcmp(what, "chain.fishremap"))
-            bad = session_fishremap(value, &s, &e);
-        else if (!strcmp(k->section, "chain"))
-            bad = session_fill(value, &s, text, &e);
+        if (!strcmp(what, "chain.fishremap")) bad = session_fishremap(value, &s, &e);
+        else if (!strcmp(k->section, "chain")) bad = session_fill(value, &s, text, &e);
         if (bad) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
         printf("%s\n", !strcmp(k->section, "chain") ? value : text);
         session_free(&s);
@@ -168,7 +165,8 @@ int show_seen(const char *path)
     errmsg e;
     load_session(&s, path);
     if (depends_find(&d, &s, 0, &e) != 0) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
-    for (int k = 0; k < d.n; k++) printf("%s %s\n", d.file[k].digest[0] ? d.file[k].digest : "missing", d.file[k].name);
+    for (int k = 0; k < d.n; k++)
+        printf("%s %s\n", d.file[k].digest[0] ? d.file[k].digest : "missing", d.file[k].name);
     depends_free(&d);
     session_free(&s);
     return CLI_OK;

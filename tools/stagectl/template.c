@@ -37,10 +37,8 @@ int template_expand(char *out, size_t room, const char *text, const template_var
             }
             if (*p != '}') return err_set(e, "'%s': a { without its }", text);
             p++;
-            if (v->text)
-                put = v->text;
-            else
-                snprintf(value, sizeof value, "%0*ld", width, v->number);
+            if (v->text) put = v->text;
+            else snprintf(value, sizeof value, "%0*ld", width, v->number);
         } else {
             p++;
         }

@@ -48,10 +48,8 @@ int ambient_settle(char remark[512], const argwords *options, const char *octree
     if (asprintf(&beside, "%s.scene", ambient) < 0) return err_set(e, "out of memory");
     int bad = 0, known = read_digest(then, beside), there = stat(ambient, &st) == 0 && st.st_size > 0;
     if (there && of_another(ambient, octree, known, then, now)) {
-        if (asprintf(&old, "%s.old", ambient) < 0)
-            bad = err_set(e, "out of memory");
-        else if (rename(ambient, old) != 0)
-            bad = err_errno(e, "%s", ambient);
+        if (asprintf(&old, "%s.old", ambient) < 0) bad = err_set(e, "out of memory");
+        else if (rename(ambient, old) != 0) bad = err_errno(e, "%s", ambient);
         else
             snprintf(remark, 512, "%.200s: %s; begun anew, the old one is %.200s", ambient,
                      known ? "holds another scene's indirect light" : "is older than the octree", old);

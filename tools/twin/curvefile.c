@@ -64,10 +64,8 @@ static int load(curve3 *out, const char *path, errmsg *e)
             bad = err_set(e, "%s:%d: expected 'x y' or 'x R G B' in numbers", path, line_no);
         else if (c.n > 0 && !(v[0] > c.x[c.n - 1]))
             bad = err_set(e, "%s:%d: expected x above %g, found %g", path, line_no, c.x[c.n - 1], v[0]);
-        else if (c.n == MAX_POINTS)
-            bad = err_set(e, "%s: expected at most %d lines", path, MAX_POINTS);
-        else if (c.n == room && grow(&c, &room, e) != 0)
-            bad = -1;
+        else if (c.n == MAX_POINTS) bad = err_set(e, "%s: expected at most %d lines", path, MAX_POINTS);
+        else if (c.n == room && grow(&c, &room, e) != 0) bad = -1;
         if (bad) break;
         c.x[c.n] = v[0];
         for (int k = 0; k < 3; k++) c.y[c.n][k] = n == 2 ? v[1] : v[1 + k];

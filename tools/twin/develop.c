@@ -17,10 +17,8 @@ double curve3_at(const curve3 *c, int channel, double x)
     if (x >= c->x[hi]) return c->y[hi][channel];
     while (hi - lo > 1) {
         int mid = (lo + hi) / 2;
-        if (c->x[mid] <= x)
-            lo = mid;
-        else
-            hi = mid;
+        if (c->x[mid] <= x) lo = mid;
+        else hi = mid;
     }
     double t = (x - c->x[lo]) / (c->x[hi] - c->x[lo]);
     return (1 - t) * c->y[lo][channel] + t * c->y[hi][channel];
@@ -33,10 +31,8 @@ double curve3_inverse(const curve3 *c, int channel, double y)
     if (y >= c->y[hi][channel]) return c->x[hi];
     while (hi - lo > 1) {
         int mid = (lo + hi) / 2;
-        if (c->y[mid][channel] <= y)
-            lo = mid;
-        else
-            hi = mid;
+        if (c->y[mid][channel] <= y) lo = mid;
+        else hi = mid;
     }
     double t = (y - c->y[lo][channel]) / (c->y[hi][channel] - c->y[lo][channel]);
     return (1 - t) * c->x[lo] + t * c->x[hi];
@@ -91,14 +87,10 @@ double rng_poisson(counter_rng *r, double mean)
 double develop_response(const development *d, int channel, double x)
 {
     switch (d->response) {
-    case RESPONSE_SRGB:
-        return x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1 / 2.4) - 0.055;
-    case RESPONSE_GAMMA:
-        return pow(x, 1 / d->gamma);
-    case RESPONSE_TABLE:
-        return curve3_inverse(d->table, channel, x);
-    case RESPONSE_LINEAR:
-        break;
+    case RESPONSE_SRGB: return x <= 0.0031308 ? 12.92 * x : 1.055 * pow(x, 1 / 2.4) - 0.055;
+    case RESPONSE_GAMMA: return pow(x, 1 / d->gamma);
+    case RESPONSE_TABLE: return curve3_inverse(d->table, channel, x);
+    case RESPONSE_LINEAR: break;
     }
     return x;
 }

@@ -57,10 +57,8 @@ static void line(vc4 *c)
 {
     const long zero[2] = {0, 0};
     long by[2];
-    if (!strcmp(c->line, "!1fp"))
-        say(c, "C4 V1.0");
-    else if (!strcmp(c->line, "!1h12"))
-        begin(c, zero, 2);
+    if (!strcmp(c->line, "!1fp")) say(c, "C4 V1.0");
+    else if (!strcmp(c->line, "!1h12")) begin(c, zero, 2);
     else if (!strcmp(c->line, "!1a")) {
         double s[2];
         int moving;
@@ -71,8 +69,7 @@ static void line(vc4 *c)
         const long to[2] = {c->at[0] + by[0], c->at[1] + by[1]};
         say(c, "a");
         begin(c, to, 1);
-    } else
-        say(c, "?");
+    } else say(c, "?");
 }
 
 void vc4_byte(vc4 *c, unsigned char byte)
@@ -81,8 +78,7 @@ void vc4_byte(vc4 *c, unsigned char byte)
         c->line[c->n] = 0;
         c->n = 0;
         line(c);
-    } else if (c->n + 1 < sizeof c->line)
-        c->line[c->n++] = (char)byte;
+    } else if (c->n + 1 < sizeof c->line) c->line[c->n++] = (char)byte;
 }
 
 double vc4_next(const vc4 *c)

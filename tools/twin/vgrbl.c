@@ -44,8 +44,7 @@ static void banner(vgrbl *g)
     g->ask_feed = 0;
     g->rx_n = 0;
     g->critical = g->door = 0;
-    if (g->state == V_ALARM)
-        vgrbl_say(g, "[MSG:'$H'|'$X' to unlock]\r\n");
+    if (g->state == V_ALARM) vgrbl_say(g, "[MSG:'$H'|'$X' to unlock]\r\n");
     else {
         g->state = V_IDLE;
         vgrbl_startup_line(g);
@@ -87,8 +86,7 @@ static void reset(vgrbl *g)
     if (g->state == V_SLEEP) g->state = V_ALARM;
     int pending = g->waiting != 0, homing = g->state == V_HOME,
         moving = g->state == V_RUN || g->state == V_HOLD;
-    if (homing || (moving && g->moving))
-        vgrbl_alarm(g, homing ? 6 : 3, 0);
+    if (homing || (moving && g->moving)) vgrbl_alarm(g, homing ? 6 : 3, 0);
     else {
         stop_dead(g);
         if (g->state != V_ALARM) g->state = V_IDLE;
@@ -140,10 +138,8 @@ static double wall_time(const vgrbl *g)
             out |= t >= (low ? 0.5 : -1e-9) || t <= -g->set.travel[a] - (low ? -1e-9 : 0.5);
         }
         if (!pass && !out) return INFINITY;
-        if (out)
-            hi = mid;
-        else
-            lo = mid;
+        if (out) hi = mid;
+        else lo = mid;
     }
     return hi;
 }
@@ -152,34 +148,23 @@ static void strike(vgrbl *g)
 {
     g->fault_time = 0;
     switch (g->set.fault) {
-    case FAULT_ALARM1:
-        vgrbl_alarm(g, 1, 1);
-        break;
-    case FAULT_ALARM3:
-        vgrbl_alarm(g, 3, 0);
-        break;
+    case FAULT_ALARM1: vgrbl_alarm(g, 1, 1); break;
+    case FAULT_ALARM3: vgrbl_alarm(g, 3, 0); break;
     case FAULT_REBOOT:
         stop_dead(g);
         lose_steps(g);
         vgrbl_power_up(g);
         break;
-    case FAULT_SILENCE:
-        g->silent = 1;
-        break;
-    case FAULT_UNPLUG:
-        g->unplugged = 1;
-        break;
-    case FAULT_SLIP:
-        g->shift[0] += 2;
-        break;
+    case FAULT_SILENCE: g->silent = 1; break;
+    case FAULT_UNPLUG: g->unplugged = 1; break;
+    case FAULT_SLIP: g->shift[0] += 2; break;
     case FAULT_HOLD:
     case FAULT_DOOR:
         vmove_hold(&g->move, g->now);
         g->state = V_HOLD;
         g->door = g->set.fault == FAULT_DOOR;
         break;
-    default: /* those that strike when the line comes */
-        break;
+    default: /* those that strike when the line comes */ break;
     }
 }
 
@@ -248,12 +233,9 @@ void vgrbl_advance(vgrbl *g, double now)
         if (g->deaf_until > 0 && t >= g->deaf_until) {
             g->deaf_until = 0;
             vgrbl_say(g, "[MSG:Reset to continue]\r\n");
-        } else if (g->fault_time > 0 && t >= g->fault_time)
-            strike(g);
-        else if (g->state == V_HOME)
-            home_done(g);
-        else if (g->moving && g->state == V_RUN && t >= wall_time(g))
-            vgrbl_alarm(g, 1, 1);
+        } else if (g->fault_time > 0 && t >= g->fault_time) strike(g);
+        else if (g->state == V_HOME) home_done(g);
+        else if (g->moving && g->state == V_RUN && t >= wall_time(g)) vgrbl_alarm(g, 1, 1);
         else if (g->moving && (g->state == V_RUN || g->state == V_HOLD) && t >= vmove_end(&g->move))
             move_done(g);
         else if (g->dwell_end > 0) {
@@ -320,15 +302,12 @@ static void status(vgrbl *g)
 void vgrbl_byte(vgrbl *g, unsigned char byte)
 {
     switch (byte) {
-    case '?':
-        status(g);
-        return;
+    case '?': status(g); return;
     case '!':
         if (g->state == V_RUN && g->moving && !g->door) {
             vmove_hold(&g->move, g->now);
             g->state = V_HOLD;
-        } else if (g->state == V_IDLE)
-            g->state = V_HELD;
+        } else if (g->state == V_IDLE) g->state = V_HELD;
         return;
     case '~':
         if (g->state == V_HELD) {
@@ -341,11 +320,8 @@ void vgrbl_byte(vgrbl *g, unsigned char byte)
             }
         }
         return;
-    case 0x18:
-        reset(g);
-        return;
-    default:
-        break;
+    case 0x18: reset(g); return;
+    default: break;
     }
     if (byte >= 0x80) return;
     if (g->rx_n < sizeof g->rx) g->rx[g->rx_n++] = (char)byte;

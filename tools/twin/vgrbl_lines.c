@@ -15,18 +15,12 @@ typedef struct words {
 static double *slot(words *w, char letter)
 {
     switch (letter) {
-    case 'X':
-        return &w->x;
-    case 'Y':
-        return &w->y;
-    case 'Z':
-        return &w->z;
-    case 'F':
-        return &w->f;
-    case 'P':
-        return &w->p;
-    default:
-        return NULL;
+    case 'X': return &w->x;
+    case 'Y': return &w->y;
+    case 'Z': return &w->z;
+    case 'F': return &w->f;
+    case 'P': return &w->p;
+    default: return NULL;
     }
 }
 
@@ -40,26 +34,16 @@ static int take_g(words *w, double v)
         if (w->motion >= 0) return 21;
         w->motion = (int)v;
         return 0;
-    case 4:
-        w->dwell = 1;
-        return 0;
+    case 4: w->dwell = 1; return 0;
     case 20:
-    case 21:
-        w->units = (int)v == 20;
-        return 0;
-    case 53:
-        w->absolute_machine = 1;
-        return 0;
+    case 21: w->units = (int)v == 20; return 0;
+    case 53: w->absolute_machine = 1; return 0;
     case 90:
-    case 91:
-        w->distance = (int)v == 91;
-        return 0;
+    case 91: w->distance = (int)v == 91; return 0;
     case 17:
     case 54:
-    case 94:
-        return 0;
-    default:
-        return 20;
+    case 94: return 0;
+    default: return 20;
     }
 }
 
@@ -79,13 +63,11 @@ static int parse(words *w, const char *line)
             return 2;
         p = end;
         int bad = 0;
-        if (letter == 'G')
-            bad = take_g(w, v);
+        if (letter == 'G') bad = take_g(w, v);
         else if (slot(w, letter)) {
             if (!isnan(*slot(w, letter))) return 25;
             *slot(w, letter) = v;
-        } else if (letter != 'N')
-            bad = 20;
+        } else if (letter != 'N') bad = 20;
         if (bad) return bad;
     }
     return 0;
@@ -119,10 +101,8 @@ static int run(vgrbl *g, const char *line)
     if (g->motion == 1 && !(g->ask_feed > 0)) return 22;
     double at[2], to[2], given[2] = {w.x, w.y};
     /* the planner's end, not where the stage is just now */
-    if (g->queued > 0)
-        memcpy(at, g->queue[g->queued - 1], sizeof at);
-    else
-        memcpy(at, g->moving ? g->move.to : g->belief, sizeof at);
+    if (g->queued > 0) memcpy(at, g->queue[g->queued - 1], sizeof at);
+    else memcpy(at, g->moving ? g->move.to : g->belief, sizeof at);
     for (int a = 0; a < 2; a++) {
         double base = w.absolute_machine ? 0 : g->relative ? at[a] : g->set.offset[a];
         to[a] = isnan(given[a]) ? at[a] : base + given[a] * unit;
@@ -158,10 +138,8 @@ void vgrbl_startup_line(vgrbl *g)
 {
     if (!g->set.startup || g->state == V_ALARM) return;
     int bad = run(g, g->set.startup);
-    if (bad > 0)
-        vgrbl_say(g, ">%s:error:%d\r\n", g->set.startup, bad);
-    else
-        vgrbl_say(g, ">%s:ok\r\n", g->set.startup);
+    if (bad > 0) vgrbl_say(g, ">%s:error:%d\r\n", g->set.startup, bad);
+    else vgrbl_say(g, ">%s:ok\r\n", g->set.startup);
 }
 
 static void settings(vgrbl *g)
@@ -211,24 +189,18 @@ static int dollar(vgrbl *g, const char *line)
         return 0;
     }
     if (!quiet) return 8;
-    if (!strcmp(line, "$$"))
-        settings(g);
-    else if (!strcmp(line, "$I"))
-        vgrbl_say(g, "[VER:1.1h.20190825:]\r\n[OPT:V,15,128]\r\n");
-    else
-        return 3;
+    if (!strcmp(line, "$$")) settings(g);
+    else if (!strcmp(line, "$I")) vgrbl_say(g, "[VER:1.1h.20190825:]\r\n[OPT:V,15,128]\r\n");
+    else return 3;
     return 0;
 }
 
 void vgrbl_line(vgrbl *g, char *line)
 {
     int bad;
-    if (line[0] == '$')
-        bad = dollar(g, line);
-    else if (line[0] == 0)
-        bad = 0;
-    else
-        bad = g->state == V_ALARM ? 9 : run(g, line);
+    if (line[0] == '$') bad = dollar(g, line);
+    else if (line[0] == 0) bad = 0;
+    else bad = g->state == V_ALARM ? 9 : run(g, line);
     if (bad == 0) vgrbl_say(g, g->garble ? "o\x7f{\r\n" : "ok\r\n");
     g->garble = 0;
     if (bad <= 0) return;
@@ -254,9 +226,7 @@ void vgrbl_lines(vgrbl *g)
         line[n] = 0;
         memmove(g->rx, g->rx + n + 1, g->rx_n - n - 1);
         g->rx_n -= n + 1;
-        if (n > 79)
-            vgrbl_say(g, "error:11\r\n");
-        else
-            vgrbl_line(g, line);
+        if (n > 79) vgrbl_say(g, "error:11\r\n");
+        else vgrbl_line(g, line);
     }
 }

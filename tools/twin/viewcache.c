@@ -1,8 +1,8 @@
 /*
  * viewcache.c - the cache of rendered views: key, look-up, store.
  *
- * The key is the SHA-256 of every input in words; the octree counts with the contents of all files that it names
- * (scenefiles.h).
+ * The key is the SHA-256 of every input in words; the octree counts with the contents of all files that it
+ * names (scenefiles.h).
  */
 #include <errno.h>
 #include <math.h>

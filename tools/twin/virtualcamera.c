@@ -11,12 +11,12 @@
 #include <unistd.h>
 
 #include "ambientfile.h"
-#include "stagectl/argwords.h"
 #include "base/cli.h"
 #include "curvefile.h"
 #include "develop.h"
 #include "image/image.h"
 #include "picture_out.h"
+#include "stagectl/argwords.h"
 #include "viewrender.h"
 
 static struct {
@@ -162,10 +162,8 @@ static int is_radiance_map(const char *path)
 static void set_response(development *d, curve3 *table)
 {
     errmsg e;
-    if (!strcmp(o.response, "linear"))
-        d->response = RESPONSE_LINEAR;
-    else if (!strcmp(o.response, "srgb"))
-        d->response = RESPONSE_SRGB;
+    if (!strcmp(o.response, "linear")) d->response = RESPONSE_LINEAR;
+    else if (!strcmp(o.response, "srgb")) d->response = RESPONSE_SRGB;
     else if (!strncmp(o.response, "gamma:", 6)) {
         d->response = RESPONSE_GAMMA;
         if (cli_parse_double(&d->gamma, o.response + 6, &e) != 0 || !(d->gamma >= 0.1 && d->gamma <= 10))

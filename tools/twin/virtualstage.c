@@ -170,10 +170,8 @@ static void collect(void)
         }
         at += len;
     }
-    if (o.c4)
-        v.c.out_n = 0;
-    else
-        v.g.out_n = 0;
+    if (o.c4) v.c.out_n = 0;
+    else v.g.out_n = 0;
 }
 
 static void flush_wire(void)
@@ -196,8 +194,7 @@ static void tell_truth(void)
         vc4_truth(&v.c, xy, &moving);
         for (int a = 0; a < 2; a++) xy[a] /= o.steps[a];
         speed = moving;
-    } else
-        vgrbl_truth(&v.g, xy, &speed);
+    } else vgrbl_truth(&v.g, xy, &speed);
     int n = snprintf(line, sizeof line, "%.6f %.6f %.6f\n", xy[0], xy[1], speed);
     if (write(fd, line, (size_t)n) < 0) {
     }
@@ -291,26 +288,20 @@ static void serve(void)
             booted = 1;
             if (!o.c4) vgrbl_power_up(&v.g);
         }
-        if (o.c4)
-            vc4_advance(&v.c, sim());
-        else
-            vgrbl_advance(&v.g, sim());
+        if (o.c4) vc4_advance(&v.c, sim());
+        else vgrbl_advance(&v.g, sim());
         collect();
         flush_wire();
         struct pollfd f[2] = {{.fd = v.master, .events = POLLIN}, {.fd = v.truth_fd, .events = POLLIN}};
         /* A pty, unlike a port, keeps the exclusive mark of an owner that was killed. */
         if (poll(f, 2, wait_ms(booted)) == 0) ioctl(v.slave, TIOCNXCL);
-        if (o.c4)
-            vc4_advance(&v.c, sim());
-        else
-            vgrbl_advance(&v.g, sim());
+        if (o.c4) vc4_advance(&v.c, sim());
+        else vgrbl_advance(&v.g, sim());
         if (f[1].revents & POLLIN) tell_truth();
         ssize_t n = f[0].revents & POLLIN ? read(v.master, in, sizeof in) : 0;
         for (ssize_t k = 0; booted && k < n; k++) {
-            if (o.c4)
-                vc4_byte(&v.c, in[k]);
-            else
-                vgrbl_byte(&v.g, in[k]);
+            if (o.c4) vc4_byte(&v.c, in[k]);
+            else vgrbl_byte(&v.g, in[k]);
         }
     }
 }
