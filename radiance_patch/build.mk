@@ -81,8 +81,8 @@ $(RADOBJ)/rt/Version.o: $(RAD)/.patched Makefile
 	@printf 'char VersionID[]="%s, with the ilf material $(VERSION)";\n' "$$(cat $(RAD)/rt/VERSION)" | $(CC) -x c -c -o $@ -
 $(RADOBJ)/ot/oconv.o: radiance_patch/ilfoct.h
 # ours, in Radiance's idiom, with our sanitizers
-RAD_OURS := $(patsubst %,$(RADOBJ)/rt/%.o,m_ilf ilfsrc ilfmark ilfamb ilfglint)
-$(RAD_OURS): $(RADOBJ)/rt/%.o: radiance_patch/%.c radiance_patch/ilfsrc.h radiance_patch/ilfoct.h ilfmat/ilf.h $(RAD)/.patched
+RAD_OURS := $(patsubst %,$(RADOBJ)/rt/%.o,m_ilf ilfobj ilffile ilfmark ilfamb ilfshiny reflup)
+$(RAD_OURS): $(RADOBJ)/rt/%.o: radiance_patch/%.c $(wildcard radiance_patch/*.h) ilfmat/ilf.h $(RAD)/.patched
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
 	$(Q)$(CC) $(RAD_CFLAGS) -Wall $(SANFLAGS) -c -o $@ $<
