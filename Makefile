@@ -69,7 +69,7 @@ have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
 ILF_PROGRAMS  := $(call have,ilfmat,ilfmat/programs)
 TOOL_PROGRAMS := $(foreach t,$(TOOLS),$(call have,$(t),tools/$(t)))
 
-.PHONY: all radiance tools demo test bench install clean help env deps deps-radiance deps-tools deps-test man
+.PHONY: all radiance tools examples demo test bench install clean help env deps deps-radiance deps-tools deps-test man
 all: radiance tools man
 
 # ---- what a machine needs --------------------------------------------------------------------------
@@ -146,6 +146,14 @@ $(ILF_PROGRAMS:%=$(B)/bin/%): $(B)/bin/%: $(B)/obj/ilfmat/programs/%.o $(LIBCOMM
 	@echo "  LD  $(@F)"
 	$(Q)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
 
+# a host of libilf's beside Radiance, of ilf.h and libilf alone
+EXAMPLES := $(patsubst ilfmat/examples/%.c,$(B)/examples/%,$(wildcard ilfmat/examples/*.c))
+examples: $(EXAMPLES)
+$(EXAMPLES): $(B)/examples/%: $(B)/obj/ilfmat/examples/%.o $(LIBILF)
+	@mkdir -p $(@D)
+	@echo "  LD  $(@F)"
+	$(Q)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_ILF)
+
 define tool_rules
 $(1)_PARTS := $$(patsubst tools/%,$(B)/obj/tools/%.o,$$(basename $$(filter-out $$(PROGRAMS_$(1):%=tools/$(1)/%.c),$$(wildcard tools/$(1)/*.c))))
 $(B)/obj/lib$(1).a: $$($(1)_PARTS)
@@ -181,7 +189,7 @@ $(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON) $(LIBILF)
 TEST_ARGS ?=
 # files of tests side by side
 TEST_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
-test: $(B0)/.debs-test all $(TEST_DRIVERS) $(VENV)/.packages
+test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile tests $(TEST_ARGS)
 
 # speed and accuracy beside the peers', as ratios within one run
@@ -204,6 +212,7 @@ install: all
 #? all           every program, Radiance with the material, man pages (the default)
 #? radiance      Radiance's programs with the material ilf (needs no OpenCV)
 #? tools         the toolchain's own programs
+#? examples      ilfmat/examples: a path tracer over libilf alone
 #? test          the tests (TEST_ARGS=... goes to pytest)
 #? env           print the line that a shell needs to use what is built
 #? deps          install the packages that the machine lacks

@@ -41,6 +41,7 @@ typedef struct path {
     uint64_t state;                 /* of the random numbers */
     double x[3], n[3], albedo[3];   /* the diffuse point that is being lit */
     double throughput[3], value[3]; /* of light that comes to it; what the path has found */
+    int paths;                      /* per pixel */
 } path;
 
 static void ok(ilf_status st, const ilf_error *err)
@@ -182,8 +183,8 @@ static void light(path *p, const thing *t, const double x[3], const double n[3],
     const ilf_point point = {.position = {x[0], x[1], x[2]},
                              .lobes = ILF_DIFFUSE,
                              .glint_lobes = ILF_DIFFUSE,
-                             .samples = 2,
-                             .weight = first ? 1 : .1};
+                             .samples = 1,
+                             .weight = (first ? 1. : .1) / p->paths};
     ilf_error err;
 
     memcpy(p->x, x, sizeof p->x);
@@ -233,7 +234,7 @@ static void trace(path *p, double o[3], double d[3])
 }
 
 /* Row by row, R G B. */
-static void render(float *rgb, path *p, int samples, int seed)
+static void render(float *rgb, path *p, int seed)
 {
     double look[3], right[3], down[3];
 
@@ -242,8 +243,8 @@ static void render(float *rgb, path *p, int samples, int seed)
     cross(right, look, (const double[3]){0, 0, 1});
     unit(right);
     cross(down, look, right);
-    for (int k = 0; k < WIDTH * HEIGHT * samples; k++) {
-        const int pixel = k / samples;
+    for (int k = 0; k < WIDTH * HEIGHT * p->paths; k++) {
+        const int pixel = k / p->paths;
         const double a = (pixel % WIDTH + .5 - .5 * WIDTH) * width_at_1 / WIDTH,
                      b = (pixel / WIDTH + .5 - .5 * HEIGHT) * width_at_1 / WIDTH;
         double o[3], d[3];
@@ -255,7 +256,7 @@ static void render(float *rgb, path *p, int samples, int seed)
         }
         unit(d);
         trace(p, o, d);
-        for (int c = 0; c < 3; c++) rgb[3 * pixel + c] += (float)(p->value[c] / samples);
+        for (int c = 0; c < 3; c++) rgb[3 * pixel + c] += (float)(p->value[c] / p->paths);
     }
 }
 
@@ -283,7 +284,7 @@ int main(int argc, char **argv)
 {
     static float rgb[3 * WIDTH * HEIGHT];
     const ilf_patches_spec spec = {
-        .mode = ILF_DEPTH, .hit = find_surroundings, .balls = mirrors, .n_balls = 1};
+        .mode = ILF_DEPTH, .hit = find_surroundings, .cube = .15, .balls = mirrors, .n_balls = 1};
     ilf *field;
     ilf_patches *bright;
     ilf_error err;
@@ -295,7 +296,8 @@ int main(int argc, char **argv)
     ok(ilf_patches_open(&bright, field, ilf_get_frame(field), &spec, &err), &err);
     ok(ilf_sampler_open(&p.sampler, bright, &err), &err);
     p.bright = bright;
-    render(rgb, &p, argc > 3 ? atoi(argv[3]) : 64, argc > 4 ? atoi(argv[4]) : 1);
+    p.paths = argc > 3 ? atoi(argv[3]) : 64;
+    render(rgb, &p, argc > 4 ? atoi(argv[4]) : 1);
     const int bad = write_exr(argv[2], rgb);
     if (bad) fprintf(stderr, "pathtrace: %s: cannot be written\n", argv[2]);
     ilf_sampler_close(p.sampler);
