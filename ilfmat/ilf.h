@@ -247,11 +247,12 @@ typedef struct ilf_spec {
     double polar_valid; /* 0: none stated */
     ilf_type type;
     const char *compression; /* none rle zips zip piz pxr24 b44 b44a; NULL: none */
-    int interleave; /* write the texels a second time, each one's channels side by side: twice the file, faster
-                     * lookups in place; needs no compression (what is decoded is interleaved then) */
-    const char *comments; /* or NULL */
-    const char *owner;    /* or NULL */
-    const char *cap_date; /* "YYYY:MM:DD HH:MM:SS" or NULL */
+    /* write the texels a second time, each one's channels side by side: twice the file, faster lookups in
+     * place; needs no compression (what is decoded is interleaved then) */
+    int interleave;
+    const char *comments;   /* or NULL */
+    const char *owner;      /* or NULL */
+    const char *cap_date;   /* "YYYY:MM:DD HH:MM:SS" or NULL */
     double white_luminance; /* cd/m^2 of RGB (1,1,1); 0: none stated */
     const char *name;       /* what errors call the file; NULL: its path */
 } ilf_spec;

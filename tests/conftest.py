@@ -15,6 +15,8 @@ TOP = Path(__file__).resolve().parent.parent
 BUILD = (TOP / os.environ.get("ILF_BUILD", "build")).resolve()
 BIN = BUILD / "bin"
 SHARED = (TOP / os.environ.get("ILF_SHARED", "../shared")).resolve()
+# what one room's tests offer others', whichever file is collected first
+sys.path += [str(f) for f in sorted((TOP / "tests").iterdir()) if f.is_dir()]
 FETCHED = TOP / "build" / "bin"     # programs that are fetched, not built, lie here for SAN=1 too
 
 # Radiance's own programs leave their memory to the system; a leak is an error in ours alone.
