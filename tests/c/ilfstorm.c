@@ -9,7 +9,7 @@
  * through libilf, in both modes, and at scales 1e-6 to 1e6
  *
  * Rays come in pairs that differ by 1e-7 to 1e-12 of the plane's size.  How much their radiance may differ
- * follows from the file's texels and the lookup's definition (contract, section 2):
+ * follows from the file's texels and the lookup's definition (docs/FORMAT.md, section 2):
  *
  *   |dL| <= K dw + R (|ds| + |dt|),  K = (Gx n_theta/2pi) / sin(phi) + max(Gy, 2 Gm) n_phi/polarMax
  *
