@@ -47,7 +47,7 @@ typedef struct chart {
 void chart_disc(chart *c, int width, int height, const lens *l, double cx, double cy, double radius,
                 int mirror, double rotate, double tilt, double tilt_to);
 
-/* A light field's probe (docs/FORMAT.md, section 1.2): azimuth -pi..pi from left to right, polar angle 0..polar_max down. */
+/* A light field's probe: azimuth -pi..pi from left to right, polar angle 0..polar_max down. */
 void chart_probe(chart *c, int width, int height, double polar_max);
 
 /* A panorama: n in the middle, v up, longitude growing to the picture's right (-u) over span. */
