@@ -67,6 +67,38 @@ def test_documents_that_are_cited_are_there():
     assert not lost
 
 
+# ---- ARCHITECTURE.md ----------------------------------------------------------------------------------------
+
+def rows(text):
+    """A table's rows as lists of cells."""
+    return [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|") and not set(line) <= set("|- ")]
+
+
+def chapter(path, heading):
+    """What stands below a heading, down to the next of its level."""
+    return re.search(rf"^## {re.escape(heading)}\n(.*?)(?=^## |\Z)", path.read_text(), re.S | re.M)[1]
+
+
+ARCHITECTURE = TOP / "docs" / "ARCHITECTURE.md"
+
+
+def test_what_is_to_be_changed_has_a_file():
+    table = [r for r in rows(chapter(ARCHITECTURE, "I want to change ..."))[1:] if r[1]]
+    assert len(table) >= 30
+    lost = [name for _, places in table for name in re.findall(r"`([^`]+)`", places)
+            if ("/" in name or name == "Makefile") and not (TOP / name).is_file()]
+    assert not lost
+    for _, places in table:
+        assert re.search(r"`[\w./]+`", places), places
+
+
+def test_rooms_are_those_that_the_form_asserts():
+    from test_form import BELOW
+    table = rows(chapter(ARCHITECTURE, "The rooms"))
+    said = {r[0].strip("`"): re.findall(r"`([^`]+)`", r[2]) for r in table if len(r) == 3 and r[0] != "room"}
+    assert said == BELOW
+
+
 # ---- FORMAT.md ---------------------------------------------------------------------------------------------
 
 @pytest.fixture(scope="module")

@@ -28,9 +28,9 @@ def readme_scene():
 
 
 def manual():
-    """Preformatted blocks of ilf(7), with troff's marks taken off."""
+    """Files and commands of ilf(7), with troff's marks taken off."""
     text = (TOP / "man" / "ilf.7").read_text().replace("\\-", "-").replace("\\e", "\\")
-    return re.findall(r"^\.nf\n(.*?)^\.fi$", text, re.S | re.M)
+    return re.findall(r"^\.(?:nf|EX)\n(.*?)^\.(?:fi|EE)$", text, re.S | re.M)
 
 
 def check(folder, scene, surfaces, rng, M=np.eye(4)):
