@@ -79,7 +79,6 @@ def write_probes(folder):
     for k, name in enumerate(["probe", "left", "right", *(f"probe_{k}" for k in range(6))]):
         U.write_exr(folder / f"{name}.exr", (1 + .1 * k) * U.probe(scene, 32, 8, 90, 2))
     run("ilfpack", "--quiet", "--grid", "3x2", "--plane", "0 0 0 .75 0 0 0 .75 0", "-o", "room.ilf.exr", *(f"probe_{k}.exr" for k in range(6)), cwd=folder)
-    (folder / "probe.exr").unlink()     # probe_*.exr are those of the grid
 
 
 def write_scene(folder):
