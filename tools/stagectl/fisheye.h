@@ -5,7 +5,7 @@
  * its edges.  The camera stands on the plane and looks along n = u x v with +v up, so +u is to the
  * left (docs/FORMAT.md, section 1.4), as in a Radiance view with -vd n -vu v.
  *
- * This is written apart from fishremap's lens models on purpose: the twin would prove nothing
+ * This is written apart from fishremap's lens models on purpose: a virtual capture would prove nothing
  * if both ends of the chain shared one error.
  */
 #ifndef FISHEYE_H
