@@ -1,7 +1,7 @@
 # The documents as pages, and the tutorial's pictures.  Included by the top Makefile.
 #
-#? docs          pages to read: build/doc/html/index.html (these documents, the manual, libilf's API)
-#? tutorial      run docs/TUTORIAL.md's commands and make its pictures again (docs/tutorial/)
+#?words: docs            pages to read: build/doc/html/index.html (these documents, the manual, libilf's API)
+#?words: tutorial        run docs/TUTORIAL.md's commands and make its pictures again (docs/tutorial/)
 #
 # API pages come from the headers by doxygen.  Our comments are plain ones: doxygen.sed turns them into its own kind on the way.
 

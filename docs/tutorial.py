@@ -77,8 +77,8 @@ def tall(image, times):
 def draw(work, folder, first):
     import pictures
     folder.mkdir(parents=True, exist_ok=True)
-    save(folder / "exposures.jpg", *(first[f"IMG_{k}.png"] for k in (1, 2, 3, 4)))
-    save(folder / "probe.jpg", tall(shown(first["probe.exr"], .6), 3), width=768)
+    save(folder / "exposures.jpg", *(first[f"IMG_{k}.png"] for k in (1, 2, 3, 4, 5)))
+    save(folder / "probe.jpg", tall(shown(first["probe.exr"], .6), 6), width=768)
     save(folder / "mosaic.jpg", np.asarray(Image.open(work / "mosaic.png").convert("RGB")))
     photo, lit, one = (pictures.read(work / f"{n}.hdr") for n in ("photo", "lit", "one"))
     white = np.percentile(photo.max(-1), 97)
@@ -106,7 +106,7 @@ def main():
     # the virtual camera's pictures are drawn before those of chapter 5 take their names
     cut = whole.index("rm -f IMG_*")
     subprocess.run(["bash", "-c", whole[:cut]], cwd=TOP, env=env, check=True)
-    first = {f"IMG_{k}.png": np.asarray(Image.open(work / f"IMG_{k}.png").convert("RGB")) for k in (1, 2, 3, 4)}
+    first = {f"IMG_{k}.png": np.asarray(Image.open(work / f"IMG_{k}.png").convert("RGB")) for k in (1, 2, 3, 4, 5)}
     first["probe.exr"] = exr(work / "probe.exr")
     subprocess.run(["bash", "-c", 'set -eu; eval "$(make -s env)"; cd build/tutorial\n' + whole[cut:]], cwd=TOP, env=env, check=True)
     draw(work, a.pictures.resolve(), first)

@@ -6,8 +6,12 @@ import sys
 import numpy as np
 import pytest
 
+import example_inputs
 from conftest import TOP, environment, run
 from ilf_util import random_ilf
+
+sys.path.append(str(TOP / "docs"))
+import tutorial  # noqa: E402  (docs/tutorial.py)
 
 DOCS = [TOP / "README.md", *sorted(TOP.glob("docs/*.md")), *sorted(TOP.glob("*/README.md")),
         *(f for name in ("CONTRIBUTING.md", "CHANGELOG.md") if (f := TOP / name).is_file())]
@@ -144,3 +148,76 @@ def test_the_formats_c_compiles(tmp_path):
     (tmp_path / "a.c").write_text("#include <stdio.h>\n#include <stdlib.h>\n#include \"ilf.h\"\nint main(void)\n{\n" + code
                                   + "    printf(\"%g %g %g\\n\", (double)rgb[0], (double)rgb[1], (double)rgb[2]);\n    return 0;\n}\n")
     subprocess.run(["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-I", str(TOP / "ilfmat"), "a.c"], cwd=tmp_path, check=True)
+
+
+# ---- TUTORIAL.md -------------------------------------------------------------------------------------------
+# make tutorial runs all of it; here, with few pixels, what is neither the capture nor needs it.
+
+TUTORIAL = TOP / "docs" / "TUTORIAL.md"
+SMALLER = [("--size 160", "--size 48"), ("-x 320 -y 240", "-x 24 -y 18"), ("-ad 128", "-ad 16")]
+
+
+def few_pixels(words):
+    for usual, less in SMALLER:
+        words = words.replace(usual, less)
+    return words
+
+
+def chapter_steps(first, last, folder):
+    """Files and commands of some chapters, in a folder of the test's own."""
+    text = TUTORIAL.read_text()
+    start = text.index(f"\n## {first}.")
+    end = text.find(f"\n## {last + 1}.", start)
+    for kind, name, words, at in tutorial.steps(text):
+        if kind == "file":
+            (folder / name).write_text(words)
+        elif start < at and (end < 0 or at < end):
+            yield words
+
+
+def shell(folder, words):
+    p = subprocess.run(["bash", "-euc", few_pixels(words)], cwd=folder, env=environment(), capture_output=True, text=True)
+    assert p.returncode == 0, (words, p.stderr)
+    return p.stdout
+
+
+def test_the_tutorials_pictures_are_there_and_small():
+    names = re.findall(r"!\[[^]]*\]\(([^)]*)\)", TUTORIAL.read_text())
+    assert len(names) >= 5
+    for name in names:
+        assert 1_000 < (TUTORIAL.parent / name).stat().st_size <= 150_000, name
+
+
+def test_the_tutorials_first_place(tmp_path):
+    for words in chapter_steps(1, 2, tmp_path):
+        shell(tmp_path, words)
+    assert run("fishremap", "--from", "probe", "--to", "fisheye", "--lens", "equidistant", "--fov", 180, "--size", "16x16", "-o", "back.exr", "probe.exr",
+               cwd=tmp_path)
+
+
+def test_the_tutorials_sessions_have_a_plan(tmp_path):
+    for words in chapter_steps(1, 1, tmp_path):
+        shell(tmp_path, words)
+    said = run("stagectl", "plan", "session.conf", cwd=tmp_path).text
+    assert "16 (4 x 4)" in said and "options of hdrgen, fishremap and ilfpack are right" in said
+
+
+def test_the_tutorials_scene_with_any_light_field(tmp_path):
+    """Chapter 4 with a light field that is at hand."""
+    (tmp_path / "capture" / "001_002").mkdir(parents=True)
+    example_inputs.write_probes(tmp_path)
+    (tmp_path / "room.ilf.exr").rename(tmp_path / "capture" / "room.ilf.exr")
+    (tmp_path / "probe.exr").rename(tmp_path / "capture" / "001_002" / "probe.exr")
+    for words in chapter_steps(4, 4, tmp_path):
+        shell(tmp_path, words)
+    for name in ("lit", "photo", "one"):
+        assert run("pvalue", "-h", "-H", "-b", f"{name}.hdr", cwd=tmp_path).text.split(), name
+
+
+def test_the_tutorials_own_camera(tmp_path):
+    example_inputs.write_series(tmp_path)
+    example_inputs.write_lens(tmp_path)
+    (tmp_path / "lens.txt").unlink()
+    for words in chapter_steps(5, 5, tmp_path):
+        shell(tmp_path, words)
+    assert "36 (6 x 6)" in run("stagectl", "plan", "own.conf", cwd=tmp_path).text
