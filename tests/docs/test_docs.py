@@ -221,3 +221,24 @@ def test_the_tutorials_own_camera(tmp_path):
     for words in chapter_steps(5, 5, tmp_path):
         shell(tmp_path, words)
     assert "36 (6 x 6)" in run("stagectl", "plan", "own.conf", cwd=tmp_path).text
+
+
+# ---- the manual and the API ----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("page", sorted((TOP / "man").glob("*.[17]")), ids=lambda p: p.name)
+def test_every_page_of_the_manual_has_examples(page):
+    text = page.read_text()
+    part = re.search(r'^\.SH EXAMPLES\n(.*?)(?=^\.SH )', text, re.S | re.M)
+    assert part and re.search(r"^\.EX\n.+?^\.EE$", part[1], re.S | re.M)
+    assert text.count("\n.EX\n") == text.count("\n.EE\n")
+
+
+def test_every_public_function_has_a_comment():
+    """Above it, without a blank line between, or behind it: doxygen then has no complaint."""
+    text = text_of("ilfmat/ilf.h")
+    bare = []
+    for m in re.finditer(r"^(?!typedef|static|#|\s|/|\}|extern)[\w *]+?\b(ilf_\w+)\([^;{]*\);(.*)$", text, re.M):
+        if not text[:m.start()].endswith("*/\n") and "/*" not in m[2]:
+            bare.append(m[1])
+    assert re.search(r"^ilf_status ilf_open\(", text, re.M)
+    assert not bare
