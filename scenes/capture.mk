@@ -104,4 +104,5 @@ $(eval $(call settings,$(FOLDER)/.ilfpack,$(ILFPACK) $(NODES) $(PLANE)))
 	@cd $(HERE); fishremap $(QUIET) $(FISHREMAP) -o $@ $<
 $(LIGHT): $(PLACES:%=%/probe.exr) $(FOLDER)/.ilfpack $(call named,$(ILFPACK)) $(call made_by,ilfpack)
 	@cd $(HERE); ilfpack $(QUIET) $(ILFPACK) --grid $(NODES) --plane "$(PLANE)" -o $@ $(PLACES:%=%/probe.exr)
+	@$(call builds,$(@:.exr=.programs),$(CAMERA_PROGRAMS) hdrgen fishremap ilfpack)
 	@echo "light field: $@"

@@ -15,6 +15,8 @@ include scenes/rules.mk
 ILF_ENV = PATH="$(TOP)/$(B)/bin:$$PATH" RAYPATH=.:$(TOP)/$(B0)/lib
 # what Radiance's programs read at their start
 FUNCTIONS := $(B0)/lib/.radiance
+# what keeps the cost of a command beside its output
+TIMED     := scenes/timed.py scenes/builds.py
 
 # One probe for the whole scene.  Its node is the middle of a rectangle as large as the plane, so
 # that the depth correction knows where it stood.   $(eval $(call single_probe,NAME,PROBE))
@@ -107,7 +109,7 @@ $$(eval $$(call settings,$($(1)_OUT)/exposure.settings,$($(1)_TIMES) s))
 $$(eval $$(call settings,$($(1)_OUT)/probe.settings,$($(1)_PROBE) $($(1)_PLANE) $$($(1)_CORNERS) $$($(1)_ARRAY)))
 $(1)_BIG := $$(shell echo $$$$(($($(1)_PIXELS) * $($(1)_RAYS))))
 
-$($(1)_OUT)/spheres.big.hdr: $($(1)_STAGE) $($(1)_OUT)/capture.settings scenes/timed.py $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
+$($(1)_OUT)/spheres.big.hdr: $($(1)_STAGE) $($(1)_OUT)/capture.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
 	@echo "  capture: $($(1)_NU) x $($(1)_NV) mirror spheres"
 	@$$(ILF_ENV):$$($(1)_PATH) $(PY) scenes/timed.py --log $($(1)_OUT)/spheres.json -o $$@ -- \
 	    rpict $($(1)_CAMERA_VIEW) -x $$($(1)_BIG) -y $$($(1)_BIG) -ps 1 -pj 0 $($(1)_LIGHT) $$<
@@ -123,6 +125,7 @@ $($(1)_OUT)/room.ilf.exr: $($(1)_OUT)/spheres.exr $($(1)_OUT)/probe.settings $(c
 	@echo "  light field: $($(1)_NU) x $($(1)_NV) spheres"
 	@$$(ILF_ENV) fishremap --quiet --array $($(1)_NU)x$($(1)_NV) --corners $($(1)_CORNERS) $($(1)_ARRAY) --size $($(1)_PROBE) --plane "$($(1)_PLANE)" --type half \
 	    --compression none --overlay $($(1)_OUT)/overlay.png --report $($(1)_OUT)/spheres.found.json -o $$@ $$<
+	@$$(call builds,$$(@:.exr=.programs),rpict pfilt hdrgen fishremap)
 $($(1)_OUT)/overlay.png: $($(1)_OUT)/room.ilf.exr ;
 $($(1)_OUT)/single.probe.exr: $($(1)_OUT)/room.ilf.exr scenes/oneprobe.py | $(VENV)/.packages
 	@$(PY) scenes/oneprobe.py --node $($(1)_SINGLE) -o $$@ $$<

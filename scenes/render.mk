@@ -63,7 +63,7 @@ $($(1)_OUT)/mask.oct: scenes/demo/mask_materials.rad $($(1)_TABLE) $($(1)_OBJECT
 	   $$($(1)_RUN) xform -m mask_objects $($(1)_OBJECTS); } | $$($(1)_RUN) oconv -f - > $$@.part
 	@mv $$@.part $$@
 
-$($(1)_OUT)/%.big.hdr: $($(1)_OUT)/%.oct $($(1)_VIEW) $($(1)_OUT)/render.settings scenes/timed.py $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
+$($(1)_OUT)/%.big.hdr: $($(1)_OUT)/%.oct $($(1)_VIEW) $($(1)_OUT)/render.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
 	@echo "  render: $(1) $$* $$($(1)_RENDER_$$*)"
 	@$$($(1)_RUN) $(PY) scenes/timed.py --log $($(1)_OUT)/$$*.json -o $$@ -- rpict $$($(1)_PICT) $$($(1)_RENDER_$$*) $$<
 $($(1)_OUT)/%.hdr: $($(1)_OUT)/%.big.hdr $(call made_by,pfilt)

@@ -13,6 +13,9 @@ $(DIGESTED:%=$(DIGEST)/.%): $(DIGEST)/.%: $(BIN)/%
 	@sh $(SCENE_RULES)/digest.sh $< $(@D)/$* $@
 $(DIGESTED:%=$(DIGEST)/%): $(DIGEST)/%: $(DIGEST)/.% ;
 
+# those of a thing's programs in a file beside it, for who reports its numbers   $(call builds,FILE,NAME...)
+builds = for p in $(2); do echo "$$p $$(cut -c 1-12 $(DIGEST)/$$p)"; done > $(1)
+
 # ---- settings ------------------------------------------------------------------------------------------
 # A file that says how things are made, and is written again only when that has changed: what depends on it
 # is made anew after a change of settings, and only then.   $(eval $(call settings,FILE,TEXT))

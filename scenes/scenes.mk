@@ -89,7 +89,7 @@ $(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(MO
 	@$(OFFICE_RUN) oconv -f $(SCENES)/office.rad > $@.part
 	@mv $@.part $@
 $(eval $(call settings,$(OUT_OFFICE)/render.settings,$(DEMO_RES) $(PICT_ILF) -ad $(OFFICE_AD)))
-$(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(OUT_OFFICE)/render.settings scenes/timed.py $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
+$(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(OUT_OFFICE)/render.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
 	@echo "  render: office $(PICT_ILF) -ad $(OFFICE_AD)"
 	@$(OFFICE_RUN) $(PY) scenes/timed.py --log $(OUT_OFFICE)/office.json -o $@ -- \
 	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) $(PICT_RAYS) $(PICT_ILF) -ad $(OFFICE_AD) $<
