@@ -16,6 +16,6 @@ at=$(echo "$plane" "$grid" "$node" | tr x_ '  ' | awk '{
     printf("%.10g %.10g", ($10 > 1) ? u * $12 / ($10 - 1) : u / 2, ($11 > 1) ? v * $13 / ($11 - 1) : v / 2)}')
 picture=$(mktemp -d)
 trap 'rm -rf "$picture"' EXIT
-command=$(get camera.command | sed -e "s|{i}_{j}|$name|g; s|{plane}|$plane|g; s|{lens}|${lens:-equidistant}|g; s|{fov}|$fov|g" \
+command=$(get camera.command | sed -e "s|{i}_{j}|$name|g; s|{i}|${node%_*}|g; s|{j}|${node#*_}|g; s|{plane}|$plane|g; s|{lens}|${lens:-equidistant}|g; s|{fov}|$fov|g" \
     -e "s|{x}|${at% *}|g; s|{y}|${at#* }|g; s|{seconds}|1|g; s|{file}|$picture/view.exr|g")
 eval "$command" '"$@"'
