@@ -36,18 +36,18 @@ endef
 #   NAME_STAGE    octree that its camera sees              NAME_NAMES    further files that it names
 #   NAME_NU _NV   grid nodes along u and v                 NAME_PLANE    "Ox Oy Oz Ux Uy Uz Vx Vy Vz"
 #   NAME_SINGLE   I_J, the node of the single-probe light field
+#   NAME_DISCARD  not empty: the camera's views are thrown away once the exposures are there
 #
 # A session that has changed, another room and another program are taken anew.  Make has no other way to a session's values than
 # stagectl, so that its rules are a make of their own, which is begun when one of these files is younger than what it has left.
 # (make -n shows its steps as well, where stagectl is there to be asked)
-CAPTURING = stagectl virtualstage virtualcamera rtrace
-taken     = $(if $(shell [ -x $(B)/bin/stagectl -a -e $(1) ] && echo yes),+)@$(a_make) --no-print-directory -C scenes CAPTURE=$(abspath $(1)) BUILD=$(TOP)/$(B) QUIET=--quiet ANEW=changed $(2)
-a_make    = $(MAKE)
+taken  = $(if $(shell [ -x $(B)/bin/stagectl -a -e $(1) ] && echo yes),+)@$(a_make) --no-print-directory -C scenes CAPTURE=$(abspath $(1)) BUILD=$(TOP)/$(B) QUIET=--quiet ANEW=changed $(2)
+a_make = $(MAKE)
 
 define capture
-$($(1)_OUT)/.taken: $($(1)_SESSION) $($(1)_STAGE) $($(1)_NAMES) $(call made_by,$(filter virtualcamera rtrace,$(CAPTURING)) $(3)) | $(CAPTURING:%=$(B)/bin/%) $(FUNCTIONS)
+$($(1)_OUT)/.taken: $($(1)_SESSION) $($(1)_STAGE) $($(1)_NAMES) scenes/view.sh $(call made_by,virtualcamera rtrace $(3)) | $(B)/bin/stagectl $(B)/bin/virtualstage $(FUNCTIONS)
 	$$(call taken,$($(1)_SESSION),$(2))
-	@touch $$@
+	@$(if $($(1)_DISCARD),rm -rf $($(1)_OUT)/views; )touch $$@
 endef
 define light_field
 $(call capture,$(1),light_field,hdrgen fishremap ilfpack)

@@ -60,6 +60,7 @@ $(1)_LENS     := equidistant 185
 $(1)_FALLOFF  := scenes/demo/lens_falloff.txt
 $(1)_CORRECT  := $(FIG)/falloff/measured.txt
 $(1)_PROBE    := $(call sized,192x96,400x400)
+$(1)_DISCARD  := $(BIG)
 $(1)_TABLE    := scenes/demo/table.rad
 endef
 # its session, written where its results go: its values stand here, because there are two sizes of it

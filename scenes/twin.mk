@@ -5,6 +5,7 @@
 # For sessions whose camera's command has a cache for each place (--cache FOLDER/{i}_{j}); all others render a place at its first
 # exposure.  Where its rendering options name an ambient file in there (-af FOLDER/{i}_{j}/NAME) the room's indirect light is found
 # once, from the plane's middle and corners, and each place starts from a copy: so no place depends on the order of the others.
+# Views that were thrown away are rendered again only for a capture that wants them.
 
 word_after  = $(shell printf '%s\n' '$(subst ','\'',$(COMMAND))' | sed -n 's,.*$(1) "*\([^ "]*\){i}_{j}\([^ "]*\).*,\$(2),p')
 VIEWS_NAMED := $(if $(CAMERA_PROGRAMS),$(patsubst %/,%,$(call word_after,--cache,1)))
@@ -16,8 +17,8 @@ upto         = $(shell seq 0 $$(($(1) - 1)))
 VIEWS_DONE  := $(foreach j,$(call upto,$(lastword $(subst x, ,$(NODES)))),$(foreach i,$(call upto,$(firstword $(subst x, ,$(NODES)))),$(VIEWS)/$(i)_$(j)/done))
 see          = @sh $(ROOT)/scenes/view.sh $(SESSION)
 
-$(eval $(call settings,$(VIEWS)/settings,$(COMMAND); $(PLANE) $(call get,camera.lens) $(call get,camera.fov)))
-VIEWS_FROM  := $(FOLDER)/.seen $(VIEWS)/settings $(ROOT)/scenes/view.sh
+$(eval $(call settings,$(FOLDER)/.views,$(COMMAND); $(PLANE) $(call get,camera.lens) $(call get,camera.fov)))
+VIEWS_FROM  := $(FOLDER)/.seen $(FOLDER)/.views $(ROOT)/scenes/view.sh
 
 ifneq ($(AMBIENT),)
 $(VIEWS)/$(AMBIENT): $(VIEWS_FROM)
@@ -31,6 +32,7 @@ $(VIEWS)/$(AMBIENT): $(VIEWS_FROM)
 	@mv $(VIEWS)/overture/$(AMBIENT) $@; rm -rf $(VIEWS)/overture
 endif
 
+.SECONDARY: $(VIEWS_DONE) $(if $(AMBIENT),$(VIEWS)/$(AMBIENT))
 # the pattern's stem is the node, i_j
 $(VIEWS_DONE): $(VIEWS)/%/done: $(VIEWS_FROM) $(if $(AMBIENT),$(VIEWS)/$(AMBIENT))
 	@echo "  capture: view from node $*"

@@ -196,6 +196,11 @@ def test_views_rendered_beforehand_are_those_that_the_capture_wants(capture, ren
     views = sorted((folder / "views").rglob("*.pfm"))
     assert [v.parent.name for v in views] == [f"{i}_0" for i in range(4)]
     assert len([p for p in (folder / "out").rglob("0*.png")]) == 8
+    # thrown away, they are rendered again only for a capture that wants them
+    shutil.move(folder / "views", folder / "away")
+    another_build(folder / "build/bin/hdrgen")
+    assert capture() == list(STEPS[1:]) and not (folder / "views").exists()
+    shutil.move(folder / "away", folder / "views")
     assert (folder / "views/room.amb").exists() == ("-af" in render) and not list((folder / "views").glob("*_*/room.amb*"))
     if "-af" in render:
         return
@@ -212,7 +217,7 @@ SAN = ["SAN=1"] if BUILD.name == "san" else []
 
 
 def top(*args):
-    env = environment(MAKEFLAGS="", MAKELEVEL="")
+    env = environment(MAKEFLAGS="", MAKELEVEL="", RAYPATH=f"{TOP}/scenes/demo")      # the demo's function files
     p = subprocess.run(["make", "--no-print-directory", *args], cwd=TOP, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=900)
     assert p.returncode == 0, p.stdout
     return p.stdout
@@ -241,7 +246,7 @@ def test_the_demos_light_field_is_its_sessions(tmp_path):
     assert "light field" not in again and stamps == {p: p.stat().st_mtime_ns for p in demo.rglob("*")}
     assert "capture.mk" not in top("-n", *goals) and "virtualcamera" not in top("-n", *goals)     # nothing is left to do
     p = subprocess.run(["make", "-C", TOP / "scenes", f"CAPTURE={demo_session(tmp_path / 'b.conf', alone)}", f"BUILD={BUILD}", "QUIET=--quiet"],
-                       env=environment(MAKEFLAGS="", MAKELEVEL=""), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=900)
+                       env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=900)
     assert p.returncode == 0, p.stdout
     assert np.array_equal(field(demo / "room.ilf.exr"), field(alone / "room.ilf.exr"))
     assert field(demo / "room.ilf.exr").max() > 1
