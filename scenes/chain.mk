@@ -51,7 +51,7 @@ $($(1)_OUT)/.taken: $($(1)_SESSION) $($(1)_STAGE) $($(1)_NAMES) scenes/view.sh $
 endef
 define light_field
 $(call capture,$(1),light_field,hdrgen fishremap ilfpack)
-$($(1)_OUT)/room.ilf.exr $($(1)_OUT)/nodes/$($(1)_SINGLE)/probe.exr: $($(1)_OUT)/.taken ;
+$($(1)_OUT)/room.ilf.exr $($(1)_OUT)/nodes/$($(1)_SINGLE)/probe.exr: $($(1)_OUT)/.taken ;+
 $(call single_probe,$(1),$($(1)_OUT)/nodes/$($(1)_SINGLE)/probe.exr)
 endef
 # the values of a session that is a file of ours   $(call in_session,FILE,KEY)

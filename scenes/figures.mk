@@ -169,7 +169,7 @@ exposures_STAGE := $(figure11_STAGE)
 $(eval $(call fisheye_session,exposures))
 $(eval $(call capture,exposures,capture))
 SERIES := $(FIG)/exposures/nodes/0_0/times.txt
-$(SERIES): $(FIG)/exposures/.taken ;
+$(SERIES): $(FIG)/exposures/.taken ;+
 $(FIG)/figure05.png: $(SERIES) scenes/plots.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages
 	@$(PY) scenes/plots.py strip --times $< --title "Figure 5: sixteen exposures of one place$(,) by the virtual fisheye" -o $@
 $(FIG)/figure06.png: $(FALLOFF)/measured.txt scenes/plots.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages

@@ -8,10 +8,10 @@ SCENE_RULES := $(patsubst %/,%,$(dir $(lastword $(MAKEFILE_LIST))))
 # made anew by another program, and not because the same one was linked again.   target: files $(call made_by,NAME...)
 made_by = $(1:%=$(DIGEST)/%)
 
-# .NAME says when the program was last looked at; the empty recipe lets make look at NAME again
+# .NAME says when the program was last looked at; the empty recipe lets make look at NAME again (with its +, make -n does, too)
 $(DIGESTED:%=$(DIGEST)/.%): $(DIGEST)/.%: $(BIN)/%
 	@sh $(SCENE_RULES)/digest.sh $< $(@D)/$* $@
-$(DIGESTED:%=$(DIGEST)/%): $(DIGEST)/%: $(DIGEST)/.% ;
+$(DIGESTED:%=$(DIGEST)/%): $(DIGEST)/%: $(DIGEST)/.% ;+
 
 # those of a thing's programs in a file beside it, for who reports its numbers   $(call builds,FILE,NAME...)
 builds = for p in $(2); do echo "$$p $$(cut -c 1-12 $(DIGEST)/$$p)"; done > $(1)

@@ -161,7 +161,8 @@ def test_a_file_that_an_option_names_counts(capture):
     before = field(capture.folder / "out/room.ilf.exr")
     measured.write_text("0 1 1 1\n100 .4 .4 .4\n")
     assert capture() == list(STEPS[2:])
-    assert field(capture.folder / "out/room.ilf.exr").mean() > 1.05 * before.mean()
+    # at 84 degrees the curve that it is divided by fell from .92 to .49
+    assert (field(capture.folder / "out/room.ilf.exr")[-1] / before[-1]).mean() == pytest.approx(1.85, rel=.1)
     edit(capture.folder / "falloff.txt", ".9 .9 .9", ".8 .8 .8")          # the lens's own: the camera sees otherwise
     assert capture(code=2) == [] and "falloff.txt has changed" in capture.said
     assert capture("ANEW=changed") == list(STEPS)
@@ -217,7 +218,7 @@ SAN = ["SAN=1"] if BUILD.name == "san" else []
 
 
 def top(*args):
-    env = environment(MAKEFLAGS="", MAKELEVEL="", RAYPATH=f"{TOP}/scenes/demo")      # the demo's function files
+    env = environment(MAKEFLAGS="", MAKELEVEL="", RAYPATH=f"{TOP}/scenes/demo")      # the demo's function files: its session stands elsewhere here
     p = subprocess.run(["make", "--no-print-directory", *args], cwd=TOP, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=900)
     assert p.returncode == 0, p.stdout
     return p.stdout
@@ -244,10 +245,8 @@ def test_the_demos_light_field_is_its_sessions(tmp_path):
     stamps = {p: p.stat().st_mtime_ns for p in demo.rglob("*")}
     again = top(*goals)
     assert "light field" not in again and stamps == {p: p.stat().st_mtime_ns for p in demo.rglob("*")}
-    assert "capture.mk" not in top("-n", *goals) and "virtualcamera" not in top("-n", *goals)     # nothing is left to do
-    p = subprocess.run(["make", "-C", TOP / "scenes", f"CAPTURE={demo_session(tmp_path / 'b.conf', alone)}", f"BUILD={BUILD}", "QUIET=--quiet"],
-                       env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=900)
-    assert p.returncode == 0, p.stdout
+    assert not {"CAPTURE", "virtualcamera", "oconv"} & set(re.findall(r"[A-Za-z]+", top("-n", *goals)))     # nothing is left to do
+    top("-C", "scenes", f"CAPTURE={demo_session(tmp_path / 'b.conf', alone)}", f"BUILD={BUILD}", "QUIET=--quiet")
     assert np.array_equal(field(demo / "room.ilf.exr"), field(alone / "room.ilf.exr"))
     assert field(demo / "room.ilf.exr").max() > 1
     # another session is another light field
