@@ -58,7 +58,7 @@ PROGRAMS_stagectl  := stagectl
 PROGRAMS_twin      := virtualstage virtualcamera
 LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
 LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack
-LIBS_stagectl      := -lutil -lexif
+LIBS_stagectl      := -lutil -lexif -lcrypto
 LIBS_twin          := $(LIBS_stagectl)
 # the tool whose parts another stands on: the virtual stage speaks the real one's language
 UNDER_twin         := stagectl
@@ -74,7 +74,7 @@ all: radiance tools man
 
 # ---- what a machine needs --------------------------------------------------------------------------
 DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
-DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev \
+DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev libssl-dev \
 	libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
 DEBS_TEST     := gphoto2
 deps: deps-radiance deps-tools deps-test
@@ -177,6 +177,16 @@ $(B)/test/falloffsim: LIBS_IMAGE += -llapacke -llapack
 $(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON) $(LIBILF)
 	@mkdir -p $(@D)
 	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
+
+# a tool's pure parts: numbers or text in, numbers or text out
+define parts_rule
+$(B)/test/$(1)parts: $(B)/obj/tests/$(1)/parts.o $(B)/obj/lib$(1).a $(UNDER_$(1):%=$(B)/obj/lib%.a) $(if $(findstring opencv,$(LIBS_$(1))),$(LIBVISION)) $(LIBCOMMON) $(LIBILF)
+	@mkdir -p $$(@D)
+	@echo "  LD  $$(@F)"
+	$$(Q)$$(CC) $$(LDFLAGS) -o $$@ $$^ $$(LIBS_$(1)) $$(LIBS_IMAGE)
+TEST_DRIVERS += $(B)/test/$(1)parts
+endef
+$(foreach t,$(patsubst tests/%/parts.c,%,$(wildcard tests/*/parts.c)),$(eval $(call parts_rule,$(t))))
 
 TEST_ARGS ?=
 # files of tests side by side
