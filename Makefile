@@ -57,7 +57,7 @@ PROGRAMS_fishremap := fishremap falloffcal
 PROGRAMS_stagectl  := stagectl
 PROGRAMS_twin      := virtualstage virtualcamera
 LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
-LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack
+LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack -ljansson
 LIBS_stagectl      := -lutil -lexif -lcrypto
 LIBS_twin          := $(LIBS_stagectl)
 # the tool whose parts another stands on: the virtual stage speaks the real one's language
@@ -74,7 +74,7 @@ all: radiance tools man
 
 # ---- what a machine needs --------------------------------------------------------------------------
 DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
-DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev libssl-dev \
+DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev libssl-dev libjansson-dev \
 	libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
 DEBS_TEST     := gphoto2
 deps: deps-radiance deps-tools deps-test
