@@ -105,7 +105,8 @@ $(VENV)/.packages: setup/requirements.txt $(VENV)/.made
 COMMON_SRC := $(wildcard common/base/*.c common/exr/*.c common/image/*.c common/image/*.cpp)
 COMMON_OBJ := $(patsubst %,$(B)/obj/%.o,$(basename $(COMMON_SRC)))
 VISION_OBJ := $(patsubst %.cpp,$(B)/obj/%.o,$(wildcard common/vision/*.cpp))
-ILFLIB_SRC := $(wildcard ilfmat/file/*.c ilfmat/lookup/*.c ilfmat/sampling/*.c)
+# common/exr knows OpenEXR's bytes, for libilf and for the pictures
+ILFLIB_SRC := $(wildcard common/exr/*.c ilfmat/file/*.c ilfmat/lookup/*.c ilfmat/sampling/*.c)
 ILFLIB_OBJ := $(ILFLIB_SRC:%.c=$(B)/obj/%.o)
 LIBILF     := $(B)/lib/libilf.a
 LIBCOMMON  := $(B)/obj/libcommon.a
@@ -121,11 +122,10 @@ $(B)/obj/%.o: %.cpp | $(B0)/.debs-tools
 	$(Q)$(CXX) $(CPPFLAGS) $(CXXFLAGS) -c -o $@ $<
 $(B)/obj/common/vision/%.o: CPPFLAGS += -isystem /usr/include/opencv4
 # libilf is all that rendering needs
-$(B)/obj/ilfmat/%.o: ilfmat/%.c | $(B0)/.debs-radiance
+$(ILFLIB_OBJ): $(B)/obj/%.o: %.c | $(B0)/.debs-radiance
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
 	$(Q)$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
-$(PROGRAMS_ilfmat:%=$(B)/obj/ilfmat/programs/%.o): | $(B0)/.debs-tools
 
 $(LIBILF): $(ILFLIB_OBJ)
 	@mkdir -p $(@D) && rm -f $@
