@@ -1,6 +1,6 @@
 # hdrgen: the comparison with other programs.
 
-#? bench-hdrgen  exposure merging: error and CPU seconds beside OpenCV, and the real series
+#?measures: bench-hdrgen    exposure merging: error and CPU seconds beside OpenCV, and the real series
 BENCH_HDRGEN := $(B0)/bench/hdrgen
 bench-hdrgen: $(B)/bin/hdrgen $(VENV)/.packages
 	@mkdir -p $(BENCH_HDRGEN)
