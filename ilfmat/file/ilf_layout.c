@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include "exr/exr_header.h"
+#include "exr/exr_bytes.h"
 #include "ilf_internal.h"
 
 static int is_interleaved(const ilf *f, int part)
@@ -115,7 +115,7 @@ static int copy_row(unsigned char *row, const unsigned char *planar, const ilf *
             for (size_t x = 0; x < n; x++) {
                 uint16_t h;
                 memcpy(&h, p + 2 * x, 2);
-                const float v = ilf_half_to_float_all(h);
+                const float v = half_to_float_any(h);
                 memcpy(q + 3 * x * size, &v, size);
             }
     }
