@@ -186,9 +186,9 @@ ilf_status ilf_sampler_open(ilf_sampler **sampler, const ilf *field, const ilf_f
                             const ilf_sampler_spec *spec, ilf_error *err);
 void ilf_sampler_close(ilf_sampler *sampler); /* NULL allowed */
 
-double ilf_sampler_threshold(const ilf_sampler *sampler);
-int64_t ilf_sampler_patches(const ilf_sampler *sampler); /* 0: nothing exceeds the threshold */
-int64_t ilf_sampler_slices(const ilf_sampler *sampler);  /* built so far */
+double ilf_sampler_threshold(const ilf_sampler *sampler); /* T, as given or found */
+int64_t ilf_sampler_patches(const ilf_sampler *sampler);  /* 0: nothing exceeds the threshold */
+int64_t ilf_sampler_slices(const ilf_sampler *sampler);   /* built so far */
 
 /* Radiance's luminance of a colour, without the 179 lm/W. */
 static inline double ilf_luminance(const float rgb[3])
@@ -243,7 +243,11 @@ typedef struct ilf_past {
     double visible, tests; /* shadow rays that came through, and all */
     double mean2, var;     /* sums of squared means, and of variances, of the candidates' weights */
 } ilf_past;
+
+/* Add what one more point has seen. */
 void ilf_slice_record(ilf_slice *slice, const ilf_past *more);
+
+/* The sums so far, to *past. */
 void ilf_slice_history(const ilf_slice *slice, ilf_past *past);
 
 /* ---- writing ------------------------------------------------------------------------------ */
