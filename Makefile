@@ -201,6 +201,7 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 -include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
 -include report/report.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
+-include docs/docs.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
 $(B)/test/falloffsim: LIBS_IMAGE += -llapacke -llapack

@@ -27,9 +27,10 @@
  *     pix + y*row_bytes + chan_offset[c] + x*pixel_bytes
  * in one of two orders, the same for all probes of a field:
  *     planar    OpenEXR's, for each row all B, then all G, then all R: what a first part of the file that is
- * used in place dictates.  A random lookup waits for 24 cache lines. together  R G B of a texel side by side,
- * 8 to 10 cache lines: decoded memory and the file's interleaved part. The TEXEL_HEAD bytes before pix may be
- * read. */
+ *               used in place dictates.  A random lookup waits for 24 cache lines.
+ *     together  R G B of a texel side by side, 8 to 10 cache lines: decoded memory and the file's
+ *               interleaved part.
+ * The TEXEL_HEAD bytes before pix may be read. */
 enum { TEXEL_HEAD = 16 };
 typedef struct probe {
     void *decoded;    /* owned memory, or NULL when pix points into the file */

@@ -1,13 +1,9 @@
 /*
- * ilf_file.c - open and validate an incident light field file, version 1.
- *
- * The format: one tiled, ONE_LEVEL OpenEXR part with channels R, G, B; one tile is one probe; tile
- * (i, j) is grid node (i, j).  Header attributes ilf:version (int), ilf:origin, ilf:U, ilf:V (v3f),
- * ilf:polarMax (float), optionally ilf:polarValid (float).  Further parts: ilf_layout.c.
+ * ilf_file.c - open and validate an incident light field file (docs/FORMAT.md, sections 1 and 4).
  *
  * Only the header and the table of tile offsets are read.  The table is checked against the
  * file's length, so that a truncated file is refused at once and not in the middle of a
- * picture.
+ * picture.  Further parts: ilf_layout.c.
  */
 #include <errno.h>
 #include <fcntl.h>

@@ -1,5 +1,5 @@
 /*
- * ilf_write.c - write an incident light field file, version 1 (format: ilf_file.c).
+ * ilf_write.c - write an incident light field file, version 1 (docs/FORMAT.md, section 1).
  */
 #include <errno.h>
 #include <fcntl.h>

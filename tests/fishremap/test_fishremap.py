@@ -35,7 +35,7 @@ def test_refusals(tmp_path, args, words):
     assert not (tmp_path / "o.exr").exists()
 
 
-# ---- frames (contract, section 1) -----------------------------------------------------------------
+# ---- frames (docs/FORMAT.md, section 1.4) -----------------------------------------------------------------
 
 @pytest.mark.parametrize("model", U.MODELS)
 @pytest.mark.parametrize("theta, phi", [(0, 30), (90, 50), (-140, 70), (35, 8)])
