@@ -23,9 +23,13 @@ static int points_of(double (*at)[2], const job *j, int ch, int i)
         num += w * log2(fmax(j->response.finv[ch][z[k]], 1e-30) / j->exposure[k]);
         den += w;
     }
-    for (int k = 0; den > 0 && k < s->exposures; k++)
-        at[k][0] = z[k], at[k][1] = num / den + log2(j->exposure[k]);
-    return den > 0 ? s->exposures : 0;
+    int n = 0;
+    for (int k = 0; den > 0 && k < s->exposures; k++) {
+        if (z[k] == 0 || z[k] >= s->max_code) continue; /* says less than or more than, not how much */
+        at[n][0] = z[k], at[n][1] = num / den + log2(j->exposure[k]);
+        n++;
+    }
+    return n;
 }
 
 static int draw_points(svgplot *p, const job *j, int ch)

@@ -40,6 +40,10 @@ int response_make_monotone(response *r, int c);
  * logarithms).  -1 if the channels' curves are so different that this makes no sense. */
 int response_normalise(response *r);
 
+/* The end of a recovery: normalise what was got and give it to r with its origin; -1 in words, and got freed,
+ * where it makes no sense. */
+int response_recovered(response *r, response *got, const char *origin, errmsg *e);
+
 /* The highest of the channels' clipped codes. */
 int response_top(const response *r);
 
