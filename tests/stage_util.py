@@ -13,6 +13,8 @@ import tty
 import zlib
 from pathlib import Path
 
+import pytest
+
 from conftest import command, environment
 
 # A camera that leaves a picture of its own each time: twelve random bytes as four pixels.
@@ -211,3 +213,15 @@ def shots(folder):
 
 def pictures(folder):
     return sorted(str(p.relative_to(folder)) for p in Path(folder).rglob("*.p[pn][mg]"))
+
+
+@pytest.fixture
+def fake():
+    made = []
+
+    def make(**quirks):
+        made.append(FakeGrbl(**quirks))
+        return made[-1]
+    yield make
+    for g in made:
+        g.close()

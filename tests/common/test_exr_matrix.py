@@ -301,7 +301,7 @@ def test_newer_compressions_are_named(tmp_path, name):
     p = run(IMGTOOL, "dump", tmp_path / "a.exr", tmp_path / "b")
     if p.returncode != 0:  # a library that is new enough has its own words
         line = refused(p)
-        assert name in line and "OpenEXR 3." in line or "broken" in line
+        assert name.lower() in line and "OpenEXR 3." in line or "broken" in line
 
 
 @pytest.mark.parametrize("tiled", [False, True])

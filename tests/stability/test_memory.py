@@ -11,8 +11,8 @@ SHIM = BUILD / "test/memoryshim.so"
 # allocations of each job that fail in turn: a spread of all of them
 MOST = 200 if WIDE else 24
 MORE = {
-    "hdrgen-debevec": Job("hdrgen", "-q -t times --response debevec --save-response r.txt --plot p.png --sigma --deghost -o out.exr e0.png e1.png e2.png",
-                          ["out.exr", "r.txt", "p.png"]),
+    "hdrgen-debevec": Job("hdrgen", "-q -t times --response debevec --save-response r.txt --plot p.svg --sigma --deghost -o out.exr e0.png e1.png e2.png",
+                          ["out.exr", "r.txt", "p.svg"]),
     "hdrgen-mitsunaga": Job("hdrgen", "-q -t times --response mitsunaga --refine-times -o out.exr e0.png e1.png e2.png", ["out.exr"]),
     "fishremap-gaussian": Job("fishremap", "-q --lens equidistant --fov 180 --size 32x16 --filter gaussian -o out.exr fish.exr", ["out.exr"]),
 }

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import TOP, environment, run
-from stage_util import PYTHON, FakeGrbl, Run, Stage, asking_camera, pictures, script, session, shots
+from stage_util import PYTHON, Run, Stage, asking_camera, fake, pictures, script, session, shots      # noqa: F401  (fake is a fixture)
 
 
 def one_line(result):
@@ -101,18 +101,6 @@ def test_plan_refuses_what_leaves_the_travel(tmp_path):
 
 
 # ---- what the controller is told (a GRBL of our own) -----------------------------------------------------
-
-@pytest.fixture
-def fake():
-    made = []
-
-    def make(**quirks):
-        made.append(FakeGrbl(**quirks))
-        return made[-1]
-    yield make
-    for g in made:
-        g.close()
-
 
 @pytest.mark.parametrize("order", ["serpentine", "raster"])
 @pytest.mark.parametrize("backlash", ["0.5 -0.25", "0 0"])

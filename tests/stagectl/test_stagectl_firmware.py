@@ -12,7 +12,7 @@ import time
 import numpy as np
 import pytest
 from conftest import command, environment, run
-from stage_util import FakeGrbl, Run, Stage, asking_camera, journal, pictures, session, shots
+from stage_util import Run, Stage, asking_camera, fake, journal, pictures, session, shots      # noqa: F401  (fake is a fixture)
 
 
 def go(stage, *args, **kw):
@@ -25,18 +25,6 @@ def stands(stage, seconds=0.4):
     time.sleep(seconds)
     b = stage.truth()
     return a == b and b[2] == 0
-
-
-@pytest.fixture
-def fake():
-    made = []
-
-    def make(**quirks):
-        made.append(FakeGrbl(**quirks))
-        return made[-1]
-    yield make
-    for g in made:
-        g.close()
 
 
 # ---- every end stops the stage -----------------------------------------------------------------------------

@@ -157,7 +157,7 @@ static const cli_opt options[] = {
      "default), linear (default for camera raw), srgb, gamma:G, or a file"},
     {"save-response", 0, CLI_STRING, &set.save_response, NULL, "FILE", "write the response as text"},
     {"lambda", 0, CLI_DOUBLE, &set.job.lambda, NULL, "L", "smoothness of the recovered response (default 1)"},
-    {"plot", 0, CLI_STRING, &set.plot, NULL, "FILE", "draw the response and its sample points into a PNG"},
+    {"plot", 0, CLI_STRING, &set.plot, NULL, "FILE.svg", "plot of the response and its sample points"},
     {"weight", 'w', CLI_CALL, &set.job, take_weight, "KIND",
      "noise: inverse variance (default); debevec: hat, zero at both ends"},
     {"gain", 0, CLI_DOUBLE, &set.job.gain, NULL, "E",
