@@ -18,5 +18,5 @@ $(STOCK)/bin/rpict: radiance_patch/unpack.sh $(if $(RADIANCE_SRC),,$(B0)/radianc
 	$(Q)cd $(STOCK)/obj && rm -f rest.a && ar rcs rest.a $(RAD_COMMON:%=%.o) $(RAD_RT:%=%.o) && \
 		$(CC) -o ../bin/rpict $(patsubst %,%.o,$(notdir $(RAD_MAIN_rpict))) Version.o rest.a -lm
 
-#? bench-render  error against run time of rendering (BENCH="judged cache box smooth plain colordata single mitsuba paper lookup")
-#? bench-stock   unpatched Radiance's rpict, for comparison
+#?measures: bench-render    error against run time of rendering (BENCH="judged cache box smooth plain colordata single mitsuba paper lookup")
+#?measures: bench-stock     unpatched Radiance's rpict, for comparison

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Lay out Radiance's src tree in OUT and patch it: unpack.sh TARBALL-OR-FOLDER OUT
-# Our patches are in ./series beside this script.
+# Our patches are in ./series beside this script.  Where OUT is there already, files that come out the same keep their dates.
 set -eu
 here=$(dirname "$0")
 refuse() {
@@ -8,7 +8,7 @@ refuse() {
     rm -rf "$2.new"
     exit 1
 }
-rm -rf "$2" "$2.new"
+rm -rf "$2.new"
 mkdir -p "$2.new"
 if [ -d "$1" ]; then
     src=$1
@@ -40,4 +40,10 @@ while read -r p; do
         refuse "$1: expected Radiance 5.4a of October 2021 to September 2023, found \"$version\", rt/source.c ${revision:-of no known revision}: $p does not apply" "$2"
 done <"$here/series"
 rm -f "$2.new/log"
+if [ -d "$2" ]; then
+    (cd "$2.new" && find . -type f) | while IFS= read -r f; do
+        ! cmp -s "$2/$f" "$2.new/$f" || mv "$2/$f" "$2.new/$f"
+    done
+    rm -rf "$2"
+fi
 mv "$2.new" "$2"

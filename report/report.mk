@@ -1,7 +1,7 @@
 # The report: how wrong the pictures are, and for how much time.  Included by the top Makefile.
 #
-#? report        the report of errors against run time: build/report/index.html, report.csv (REPORT_SECTIONS="time depth" for some)
-#? report-clean  forget its results
+#?pictures: report          the report of errors against run time: build/report/index.html, report.csv (REPORT_SECTIONS="time depth" for some)
+#?pictures: report-clean    forget its results
 #
 # Every command runs once and keeps its result under build/report with what it cost and the builds of its programs: a run that was
 # stopped goes on where it was, what another build of a program would make is made again.  Two at a time (REPORT_JOBS); REPORT_SIZE=WxH is the size of the sweeps' pictures.
@@ -27,7 +27,7 @@ $(REPORT)/index.html: $(REPORT)/settings $(wildcard report/*.py) $(REPORT_SCENES
 report-clean:
 	rm -rf $(REPORT)
 
-#? report-check  run the report's shorter commands again and compare what they print with its table
+#?pictures: report-check    run the report's shorter commands again and compare what they print with its table
 .PHONY: report-check
 report-check: $(REPORT)/index.html
 	@ILF_BUILD=$(B) $(PY) -m report check

@@ -1,7 +1,7 @@
 # The paper's figures, measured: three rooms, each captured as the paper did and drawn as itself, in its light field, in one probe.
 #
-#? figures       the paper's figures with their errors (SIZE=paper: its 30 x 30 probes of 400 x 400, hours)
-#? figures-clean forget them
+#?pictures: figures         the paper's figures with their errors (SIZE=paper: its 30 x 30 probes of 400 x 400, hours)
+#?pictures: figures-clean   forget them
 #
 # scenes/README.md says what each figure shows.  All is made under build/figures/ (SIZE=paper: build/figures-paper/), each step a
 # file of its own: what was stopped goes on where it was.  figures.txt there holds time and size in the end.

@@ -1,7 +1,6 @@
 # The demo: the main job on real photographs and on a virtual capture.  Included by the top Makefile.
 #
-#? demo          the main job on real photographs and on a virtual capture
-#? demo-clean    forget the demo's results
+#?pictures: demo-clean      forget the demo's results
 #
 # OFFICE=DIR names a folder with an exposure series of one fisheye view (*.jpg with EXIF exposure times); scenes/README.md
 # says what it has to be and which variables describe the lens.
