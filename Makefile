@@ -76,7 +76,7 @@ all: radiance tools man
 DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
 DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev \
 	libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
-DEBS_TEST     := gphoto2
+DEBS_TEST     := gphoto2 openexr pkg-config
 deps: deps-radiance deps-tools deps-test
 deps-radiance: $(B0)/.debs-radiance
 deps-tools: $(B0)/.debs-tools
@@ -170,7 +170,7 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
--include report/report.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
+-include report/report.mk tests/radiance_patch/stock.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
 $(B)/test/falloffsim: LIBS_IMAGE += -llapacke -llapack
