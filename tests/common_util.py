@@ -8,6 +8,7 @@ import zlib
 
 import numpy as np
 import OpenEXR
+from process import execute
 
 BUILD = pathlib.Path(os.environ.get("ILF_BUILD", "build")).resolve()
 IMGTOOL = BUILD / "test" / "imgtool"
@@ -17,12 +18,11 @@ os.environ["ASAN_OPTIONS"] = "allocator_may_return_null=1:" + os.environ.get("AS
 
 
 def run(program, *args, **kw):
-    """The finished process; a hang or a signal is a failure of its own kind."""
-    kw.setdefault("timeout", 60)
+    """The finished process."""
     kw.setdefault("stdin", subprocess.DEVNULL)
     if "input" in kw:
         del kw["stdin"]
-    return subprocess.run([str(program), *map(str, args)], capture_output=True, **kw)
+    return execute([str(program), *map(str, args)], capture_output=True, **kw)
 
 
 def refused(p, code=1):

@@ -3,11 +3,11 @@ import os
 import re
 import shutil
 import stat
-import subprocess
 
 import numpy as np
 import pytest
-from conftest import BUILD, SHARED, TOP, environment
+from conftest import BUILD, SHARED, TOP, environment, needed
+from process import execute
 
 SCENE = """void plastic grey
 0
@@ -30,14 +30,12 @@ lamp sphere bulb
 def make(*args, env=None):
     if os.environ.get("ILF_BUILD", "build") != "build":
         args = ("SAN=1", *args)
-    return subprocess.run(["make", "-s", *map(str, args)], cwd=TOP, env=env or environment(MAKEFLAGS="", MAKELEVEL=""), capture_output=True, text=True, timeout=120)
+    return execute(["make", "-s", *map(str, args)], cwd=TOP, env=env or environment(MAKEFLAGS="", MAKELEVEL=""), capture_output=True, text=True)
 
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
     """An installation with a DESTDIR that was moved afterwards, blanks in its name: (tree, what was said)."""
-    if not (BUILD / "bin/rpict").exists():
-        pytest.skip("not built: rpict")
     folder = tmp_path_factory.mktemp("install")
     p = make("install", f"DESTDIR={folder}/stage it", "PREFIX=/opt/light field", "PROGRAM_PREFIX=ilf-")
     assert p.returncode == 0, p.stderr
@@ -52,7 +50,7 @@ def shell(tree, text, cwd, raypath=True):
     env = {"PATH": f"{tree}/bin:/usr/bin:/bin", "HOME": str(cwd)}
     if raypath:
         env["RAYPATH"] = f".:{tree}/lib/ray"
-    return subprocess.run(["sh", "-euc", text], cwd=cwd, env=env, capture_output=True, text=True, timeout=100)
+    return execute(["sh", "-euc", text], cwd=cwd, env=env, capture_output=True, text=True)
 
 
 OURS = "hdrgen fishremap falloffcal ilfpack ilfinfo ilftrace stagectl virtualstage virtualcamera".split()
@@ -141,20 +139,17 @@ def test_letters(installed, tmp_path):
 
 def test_library_is_found_by_pkg_config(installed, tmp_path):
     tree, _ = installed
-    if not shutil.which("pkg-config"):
-        pytest.skip("pkg-config is not there")
+    needed("pkg-config")
     (tmp_path / "t.c").write_text("#include <ilf.h>\nint main(void) { return !ilf_open; }\n")
     env = dict(os.environ, PKG_CONFIG_PATH=f"{tree}/lib/pkgconfig")
     where = ["--define-variable", f"prefix={tree}"]
-    flags = subprocess.run(["pkg-config", *where, "--cflags", "--libs", "ilf"], env=env, capture_output=True, text=True)
+    flags = execute(["pkg-config", *where, "--cflags", "--libs", "ilf"], env=env, capture_output=True, text=True)
     assert flags.returncode == 0, flags.stderr
-    p = subprocess.run(["sh", "-c", f"eval gcc -o t t.c '{flags.stdout.strip()}' -fsanitize=address,undefined && ./t"], cwd=tmp_path, capture_output=True, text=True)
+    p = execute(["sh", "-c", f"eval gcc -o t t.c '{flags.stdout.strip()}' -fsanitize=address,undefined && ./t"], cwd=tmp_path, capture_output=True, text=True)
     assert p.returncode == 0, p.stderr
 
 
 def test_prefix_may_be_relative_and_installing_twice_is_the_same(tmp_path):
-    if not (BUILD / "bin/rpict").exists():
-        pytest.skip("not built: rpict")
     for _ in range(2):
         p = make("install", f"PREFIX={tmp_path}/x")
         assert p.returncode == 0 and re.search(rf"installed under {tmp_path}/x", p.stdout), p.stderr
@@ -175,7 +170,7 @@ def test_env_keeps_what_the_shell_had(before):
     line = make("env", env=env).stdout
     assert line.count("\n") == 1
     for sh in ("sh", "bash"):
-        p = subprocess.run([sh, "-euc", 'eval "$LINE"; printf "%s\\n" "$PATH" "$RAYPATH" "$MANPATH"'], env=dict(env, LINE=line), capture_output=True, text=True)
+        p = execute([sh, "-euc", 'eval "$LINE"; printf "%s\\n" "$PATH" "$RAYPATH" "$MANPATH"'], env=dict(env, LINE=line), capture_output=True, text=True)
         assert p.returncode == 0, p.stderr
         path, ray, man = p.stdout.splitlines()
         assert path.startswith(f"{BUILD}/bin:") and path.endswith(":/opt/a b:/usr/bin:/bin")
