@@ -5,4 +5,4 @@ BENCH ?=
 bench-render: radiance $(B)/test/ilfspeed $(B)/test/ilfcopy $(STOCK)/bin/rpict $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) bench/render/bench.py $(BENCH)
 
-#? bench-render  error against run time of rendering (BENCH="judged cache box smooth plain colordata single mitsuba paper lookup")
+#?measures: bench-render    error against run time of rendering (BENCH="judged cache box smooth plain colordata single mitsuba paper lookup")

@@ -1,12 +1,12 @@
 #!/bin/sh
 # Install what was built:
-# install.sh BUILD BUILD0 DESTDIR PREFIX PROGRAM_PREFIX VERSION OUR-PROGRAM... -- RADIANCE-PROGRAM...
+# install.sh BUILD BUILD0 DESTDIR PREFIX PROGRAM_PREFIX VERSION ABI OUR-PROGRAM... -- RADIANCE-PROGRAM...
 # Radiance's programs keep their names (scenes call them by these): they replace an installation of their own version
 # under PREFIX.  Every file comes whole under its name, so that a running program keeps its own.
 set -eu
 umask 022
-build=$1 build0=$2 destdir=$3 prefix=$4 mark=$5 version=$6
-shift 6
+build=$1 build0=$2 destdir=$3 prefix=$4 mark=$5 version=$6 abi=$7
+shift 7
 [ -n "$prefix" ] || { echo "install: expected PREFIX=FOLDER, found nothing" >&2; exit 1; }
 case $prefix in /*) ;; *) prefix=$(pwd)/$prefix ;; esac
 dest=$destdir$prefix
@@ -33,9 +33,12 @@ for p in "$@"; do
 done
 for f in "$build0/man/man7/"*.7; do put 644 "$f" "$man/man7/$(basename "$f")"; done
 put 644 "$build/lib/libilf.a" "$dest/lib/libilf.a"
+put 644 "$build/lib/libilf.so.$abi" "$dest/lib/libilf.so.$abi.$version"
+ln -sf "libilf.so.$abi.$version" "$dest/lib/libilf.so.$abi"
+ln -sf "libilf.so.$abi" "$dest/lib/libilf.so"
 put 644 ilfmat/ilf.h "$dest/include/ilf.h"
 # function files, the font, data: all that build/lib holds but the libraries
-(cd "$build0/lib" && find . -type f ! -name '.*' ! -name '*.a' ! -name '*.part') | while IFS= read -r f; do
+(cd "$build0/lib" && find . -type f ! -name '.*' ! -name '*.a' ! -name '*.so*' ! -name '*.part') | while IFS= read -r f; do
     mkdir -p "$(dirname "$ray/$f")"
     put 644 "$build0/lib/$f" "$ray/$f"
 done
@@ -51,7 +54,8 @@ Name: ilf
 Description: incident light fields: open, evaluate, sample, write
 Version: $version
 Requires.private: OpenEXR
-Libs: -L"\${libdir}" -lilf -lOpenEXRCore -lOpenEXR -lpthread -lm
+Libs: -L"\${libdir}" -lilf
+Libs.private: -lOpenEXRCore -lOpenEXR -lpthread -lm
 Cflags: -I"\${includedir}"
 EOF
 chmod 644 "$dest/lib/pkgconfig/ilf.pc"

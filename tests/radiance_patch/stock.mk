@@ -15,23 +15,23 @@ $(STOCK)/src/.unpacked: radiance_patch/unpack.sh $(RAD_ORIGIN) $(if $(RADIANCE_S
 	@mkdir -p $(@D)
 	@sh radiance_patch/unpack.sh "$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(B0)/radiance/sdist.tar.gz)" $(@D) /dev/null
 	@touch $@
-$(STOCK)/obj/%.o: $(STOCK)/src/.unpacked
+$(STOCK)/obj/%.o: $(B)/flags/radiance | $(STOCK)/src/.unpacked
 	@mkdir -p $(@D)
 	@echo "  CC  $*.c (unpatched)"
 	$(Q)$(CC) $(STOCK_CFLAGS) -c -o $@ $(STOCK)/src/$*.c
-$(STOCK)/obj/Version.o:
+$(STOCK)/obj/Version.o: $(B)/flags/radiance
 	@mkdir -p $(@D)
 	@printf 'char VersionID[]="unpatched";\n' | $(CC) -x c -c -o $@ -
 
 $(STOCK)/libradiance.a: $(call stock,$(RAD_RT:%=rt/%)) $(STOCK)/obj/Version.o $(STOCK_LIST)
-	@rm -f $@; ar rcs $@ $(filter %.o,$^)
+	@rm -f $@; ar rcs $@ $(PARTS)
 $(STOCK)/librtrad.a: $(call stock,$(RAD_COMMON:%=common/%) common/getlibpath) $(STOCK_LIST)
-	@rm -f $@; ar rcs $@ $(filter %.o,$^)
+	@rm -f $@; ar rcs $@ $(PARTS)
 define stock_rules
 $(STOCK)/bin/$(1): $$(call stock,$$(RAD_MAIN_$(1))) $(if $(filter $(1),$(RAD_RENDERERS)),$(STOCK)/libradiance.a) $(STOCK)/librtrad.a $(STOCK_LIST)
 	@mkdir -p $$(@D)
 	@echo "  LD  $(1) (unpatched)"
-	$(Q)$(CC) -o $$@ $$(filter %.o %.a,$$^) -lm
+	$(Q)$(CC) -o $$@ $$(PARTS) -lm
 endef
 $(foreach p,$(STOCK_PROGRAMS),$(eval $(call stock_rules,$(p))))
 # its random numbers follow the clock: this stops it
@@ -43,4 +43,6 @@ $(STOCK)/clock.so: tests/radiance_patch/clock.c | $(B0)/.debs-radiance
 .PHONY: stock
 stock: $(STOCK_PROGRAMS:%=$(STOCK)/bin/%) $(STOCK)/clock.so
 test: stock
-#? stock         unpatched rpict, rtrace, rcontrib and oconv in build/test/stock, for comparison
+
+-include $(shell find $(STOCK)/obj -name '*.d' 2>/dev/null)
+#?measures: stock           unpatched rpict, rtrace, rcontrib and oconv in build/test/stock, for comparison

@@ -1,4 +1,5 @@
 """The source tree that Radiance is built from: what is refused, in what words; and what stricter compilers say of what we patch."""
+import os
 import re
 import shutil
 import subprocess
@@ -51,6 +52,21 @@ def test_read_only_trees_are_copied(pristine, tmp_path):
     execute(["chmod", "-R", "a-w", tmp_path / "src"], check=True)
     unpack(tmp_path / "src", tmp_path / "out")
     execute(["chmod", "-R", "u+w", tmp_path / "src"], check=True)
+
+
+def test_what_comes_out_the_same_keeps_its_date(pristine, tmp_path):
+    """So that make builds again only what a changed patch changes."""
+    tree, out = tmp_path / "src", tmp_path / "out"
+    shutil.copytree(pristine, tree)
+    unpack(tree, out)
+    for f in out.rglob("*"):
+        os.utime(f, (1e9, 1e9))
+    (out / "rt/stray.c").write_text("")
+    with (tree / "rt/rpict.c").open("a") as f:
+        f.write("/* more */\n")
+    unpack(tree, out)
+    changed = {str(f.relative_to(out)) for f in out.rglob("*") if f.is_file() and f.stat().st_mtime != 1e9}
+    assert changed == {"rt/rpict.c"} and not (out / "rt/stray.c").exists()
 
 
 def edit(path, old, new):

@@ -62,7 +62,7 @@ def test_all_that_make_builds_is_installed(installed):
     there = {f.name for f in (tree / "bin").iterdir()}
     assert there == {f"ilf-{p}" if p in OURS else p for p in built} and len(there) > 40
     data = {str(f.relative_to(TOP / "build/lib")) for f in (TOP / "build/lib").rglob("*")
-            if f.is_file() and f.suffix != ".a" and not f.name.startswith(".")}
+            if f.is_file() and f.suffix != ".a" and ".so" not in f.name and not f.name.startswith(".")}
     assert data == {str(f.relative_to(tree / "lib/ray")) for f in (tree / "lib/ray").rglob("*") if f.is_file()}
     assert "rayinit.cal" in data and "helvet.fnt" in data
     assert {f.stem for f in (tree / "share/man/man1").iterdir()} == {f"ilf-{p}" for p in OURS} and (tree / "share/man/man7/ilf.7").exists()
@@ -137,16 +137,51 @@ def test_letters(installed, tmp_path):
     assert all(0 <= v < 256 for g in glyphs.values() for v in g)
 
 
-def test_library_is_found_by_pkg_config(installed, tmp_path):
+PROGRAM = """#include <ilf.h>
+#include <stdio.h>
+int main(void)
+{
+    ilf *f;
+    ilf_error e;
+    printf("%d\\n", (int)ilf_open(&f, "no such file", &e));
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("kind", ["shared", "static"])
+def test_library_is_found_by_pkg_config(installed, tmp_path, kind):
     tree, _ = installed
     needed("pkg-config")
-    (tmp_path / "t.c").write_text("#include <ilf.h>\nint main(void) { return !ilf_open; }\n")
+    (tmp_path / "t.c").write_text(PROGRAM)
     env = dict(os.environ, PKG_CONFIG_PATH=f"{tree}/lib/pkgconfig")
-    where = ["--define-variable", f"prefix={tree}"]
+    where = ["--define-variable", f"prefix={tree}", *(["--static"] if kind == "static" else [])]
     flags = execute(["pkg-config", *where, "--cflags", "--libs", "ilf"], env=env, capture_output=True, text=True)
     assert flags.returncode == 0, flags.stderr
-    p = execute(["sh", "-c", f"eval gcc -o t t.c '{flags.stdout.strip()}' -fsanitize=address,undefined && ./t"], cwd=tmp_path, capture_output=True, text=True)
-    assert p.returncode == 0, p.stderr
+    flags = flags.stdout.strip()
+    if kind == "static":
+        flags = flags.replace("-lilf", "-l:libilf.a")
+    sanitized = "-fsanitize=address,undefined" if BUILD.name == "san" else ""
+    p = execute(["sh", "-c", f"eval gcc -o t t.c '{flags}' {sanitized} && LD_LIBRARY_PATH='{tree}/lib' ./t"], cwd=tmp_path,
+                capture_output=True, text=True)
+    assert p.returncode == 0 and p.stdout == "1\n", p.stderr
+
+
+def test_the_shared_library_shows_what_the_header_declares(installed):
+    """Nothing more: programs can't come to depend on what may change; nothing less."""
+    tree, _ = installed
+    so = (tree / "lib/libilf.so").resolve()
+    assert re.fullmatch(r"libilf\.so\.\d+\.\d+\.\d+\.\d+", so.name)
+    shown = {line.split()[2] for line in execute(["nm", "-D", "--defined-only", so], capture_output=True, text=True, check=True).stdout.splitlines()
+             if line.split()[1] in "TDB"}
+    header = re.sub(r"/\*.*?\*/", "", (tree / "include/ilf.h").read_text(), flags=re.S)
+    header = re.sub(r"^typedef [^{;]*;", "", header, flags=re.M)
+    header = re.sub(r"static inline[^{]*\{.*?\n\}", "", header, flags=re.S)
+    declared = set(re.findall(r"\b(ilf_\w+)\(", header))
+    assert shown == declared and len(shown) > 20
+    libraries = re.findall(r"NEEDED.*\[(.+?)\]", execute(["readelf", "-d", so], capture_output=True, text=True, check=True).stdout)
+    # no part of OpenEXR's dependants, no image codec, no OpenCV
+    assert all(re.match(r"lib(c|m|pthread|OpenEXRCore|OpenEXR|gcc_s|asan|ubsan)[-.]|ld-linux", n) for n in libraries), libraries
 
 
 def test_prefix_may_be_relative_and_installing_twice_is_the_same(tmp_path):
