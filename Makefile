@@ -224,7 +224,7 @@ TEST_ARGS ?=
 # files of tests side by side
 TEST_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 test: $(B0)/.debs-test all $(TEST_DRIVERS) $(VENV)/.packages
-	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile tests $(TEST_ARGS)
+	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder tests $(TEST_ARGS)
 
 # speed and accuracy beside the peers', as ratios within one run
 bench: bench-hdrgen bench-fishremap bench-render

@@ -269,8 +269,8 @@ def test_picture_of_all_materials_is_the_literal_one(room, around):
     w, h = 24, 16
     rays = view_rays(room, w, h)
     # many scattered rays: a glossy pixel's one ray meets a lamp in one copy of a dozen, which tells no standard error
-    literal = replicas(room, octree, rays, 12, *EXACT, "-ss", "64", "-di", "0", "-ad", "256", some=3)
-    aimed = replicas(room, octree, rays, 12, *EXACT, "-ss", "64", "-di", "4", "-ad", "32", some=6)
+    literal = replicas(room, octree, rays, 8, *EXACT, "-ss", "64", "-di", "0", "-ad", "256", some=4)
+    aimed = replicas(room, octree, rays, 8, *EXACT, "-ss", "64", "-di", "4", "-ad", "32", some=8)
     assert np.isfinite(aimed).all() and (aimed >= 0).all()
     same_images(literal, aimed, w, h, 8 if around == "far" else 4, around)
 
