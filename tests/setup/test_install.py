@@ -184,6 +184,43 @@ def test_the_shared_library_shows_what_the_header_declares(installed):
     assert all(re.match(r"lib(c|m|pthread|OpenEXRCore|OpenEXR|gcc_s|asan|ubsan)[-.]|ld-linux", n) for n in libraries), libraries
 
 
+def test_the_chain_runs_from_an_installation(installed, tmp_path):
+    """From a session to a light field and a picture in it, with PATH and the installed tree alone."""
+    tree, _ = installed
+    if " " in str(tree):                                    # make's names must be free of blanks
+        plain = tmp_path / "tree"
+        plain.symlink_to(tree)
+        tree = plain
+    shutil.copytree(tree / "share/ilf/example", tmp_path / "mine")
+    session = tmp_path / "mine/session.conf"
+    session.write_text(session.read_text().replace("nodes = 4x3", "nodes = 2x2").replace("1/4096 1/256 1/16 1", "1/256 1/8").replace("--size 256", "--size 96"))
+    (tmp_path / "mine/scene.rad").write_text(f"""void ilf room
+1 {tmp_path}/mine/out/room.ilf.exr
+0
+0
+room bubble around
+0
+0
+4 0 0 0 2
+void plastic grey
+0
+0
+5 .5 .5 .5 0 0
+grey sphere ball
+0
+0
+4 0 0 .05 .04
+""")
+    p = shell(tree, f"make -s -f '{tree}/share/ilf/chain/capture.mk' CAPTURE=session.conf QUIET=--quiet && ilf-ilfinfo out/room.ilf.exr &&"
+              "oconv scene.rad > scene.oct && rpict -w -vp 0 -.3 .1 -vd 0 1 -.2 -x 40 -y 40 scene.oct | pvalue -h -H -d -b > values", tmp_path / "mine", raypath=False)
+    assert p.returncode == 0, p.stderr
+    assert "2 x 2 probes" in p.stdout, p.stdout
+    values = np.loadtxt(tmp_path / "mine/values")
+    assert values.size == 1600 and np.isfinite(values).all() and values.mean() > 0
+    again = shell(tree, f"make -f '{tree}/share/ilf/chain/capture.mk' CAPTURE=session.conf QUIET=--quiet", tmp_path / "mine", raypath=False)
+    assert again.returncode == 0 and "hdrgen" not in again.stdout + again.stderr
+
+
 def test_prefix_may_be_relative_and_installing_twice_is_the_same(tmp_path):
     for _ in range(2):
         p = make("install", f"PREFIX={tmp_path}/x")
