@@ -2,7 +2,8 @@
 #include <stdlib.h>
 #include <time.h>
 
-time_t time(time_t *when) {
+time_t time(time_t *when)
+{
     const char *text = getenv("CLOCK");
     const time_t t = text ? (time_t)atoll(text) : 1;
 
