@@ -1,8 +1,10 @@
 #!/bin/sh
-# Lay out Radiance's src tree in OUT and patch it: unpack.sh TARBALL-OR-FOLDER OUT
-# Our patches are in ./series beside this script.  Where OUT is there already, files that come out the same keep their dates.
+# Lay out Radiance's src tree in OUT and patch it: unpack.sh TARBALL-OR-FOLDER OUT [SERIES]
+# Our patches, and the list of them that is used where no other is named (/dev/null: none), are beside this script.
+# Where OUT is there already, files that come out the same keep their dates.
 set -eu
 here=$(dirname "$0")
+series=${3:-$here/series}
 refuse() {
     echo "unpack: $1" >&2
     rm -rf "$2.new"
@@ -38,7 +40,7 @@ while read -r p; do
     # one that fails halfway leaves nothing, and says it in one line
     patch -s -p1 -r - -d "$2.new" <"$here/$p" >"$2.new/log" 2>&1 ||
         refuse "$1: expected Radiance 5.4a of October 2021 to September 2023, found \"$version\", rt/source.c ${revision:-of no known revision}: $p does not apply" "$2"
-done <"$here/series"
+done <"$series"
 rm -f "$2.new/log"
 if [ -d "$2" ]; then
     (cd "$2.new" && find . -type f) | while IFS= read -r f; do

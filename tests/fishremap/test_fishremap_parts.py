@@ -1,11 +1,11 @@
 """fishremap's pure parts, each against a second method."""
 import itertools
-import subprocess
 
 import numpy as np
 import pytest
 
 from conftest import BUILD
+from process import execute
 
 PARTS = BUILD / "test/fishremapparts"
 
@@ -13,7 +13,7 @@ PARTS = BUILD / "test/fishremapparts"
 def nnls(systems):
     m, n = systems[0][0].shape
     text = "\n".join(" ".join(f"{v:.17g}" for v in np.column_stack(s).ravel()) for s in systems)
-    p = subprocess.run([PARTS, "nnls", str(m), str(n)], input=text.encode(), capture_output=True, timeout=60)
+    p = execute([PARTS, "nnls", str(m), str(n)], input=text.encode(), capture_output=True)
     assert p.returncode == 0, p.stderr
     return np.array([[float(x) for x in line.split()] for line in p.stdout.decode().splitlines()])
 

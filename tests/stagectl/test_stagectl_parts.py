@@ -3,19 +3,19 @@ import configparser
 import hashlib
 import re
 import shlex
-import subprocess
 
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
 from conftest import BUILD
+from process import execute
 
 PARTS = BUILD / "test/stagectlparts"
 
 
 def parts(*args, stdin=b"", code=0):
-    p = subprocess.run([PARTS, *map(str, args)], input=stdin, capture_output=True, timeout=60)
+    p = execute([PARTS, *map(str, args)], input=stdin, capture_output=True)
     assert p.returncode == code, p.stderr
     return p.stdout.decode() if code == 0 else p.stderr.decode()
 
