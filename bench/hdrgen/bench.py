@@ -242,7 +242,7 @@ def real(work, shared):
 def moved(work, shared):
     """The alignment table over the real series that are there."""
     sets = {}
-    for name, folder, extra in (("memorial", "bracket_memorial_church", []), ("window", "bracket_window_nikon_e995", []),
+    for name, folder, extra in (("memorial", "bracket_memorial_church", ["--fill", "0,0,255"]), ("window", "bracket_window_nikon_e995", []),
                                 ("office", "fisheye_bracket_office_canon5d2_8mm", [])):
         data = shared / "data" / folder
         if not data.is_dir():
