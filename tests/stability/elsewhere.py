@@ -34,8 +34,8 @@ E = {
         "test_ilfpack_failure_keeps_the_old_file": ("packing that fails", COMMON + "base/outfile.c", "last probe bad", "old file whole, nothing left"),
     },
     "radiance_patch/test_radiance_di.py": {
-        "test_scaled_scenes": ("sampled irradiance of scaled scenes", "radiance_patch/ilfsrc.c", "scale 1e-3, 1e3", "integral to 5 sigma"),
-        "test_irradiance_is_the_oracles_integral": ("threshold split: base + excess = all", "radiance_patch/ilfsrc.c", "all fields and surfaces, -di 16", "the integral to 5 sigma"),
+        "test_scaled_scenes": ("sampled irradiance of scaled scenes", "radiance_patch/m_ilf.c", "scale 1e-3, 1e3", "integral to 5 sigma"),
+        "test_irradiance_is_the_oracles_integral": ("threshold split: base + excess = all", "ilfmat/sampling/ilf_part.c", "all fields and surfaces, -di 16", "the integral to 5 sigma"),
     },
     "hdrgen/test_hdrgen_stiff.py": {
         "test_two_exposures": ("response from two exposures", HDR + "debevec.c", "2 exposures, ratio 4", "median error < 0.05 stops"),

@@ -20,7 +20,7 @@ COPY = TOP / "build" / "mutants"
 # name: (file, old, new, what make builds, test that must notice)
 EVAL, FILES, STIFF, FAULTS = "tests/ilfmat/test_ilf_eval.py::", "tests/ilfmat/test_ilf_files.py::", "tests/hdrgen/test_hdrgen_stiff.py::", "tests/stability/test_faults.py::"
 LOOKUP, CORPUS, STAGE = "tests/stability/test_lookup.py::", "tests/stability/test_corpus.py::", "tests/stagectl/test_stagectl_faults.py::"
-TRACE = "build/bin/ilftrace build/test/ilfstorm"
+TRACE, LIGHT = "build/bin/ilftrace build/test/ilfstorm", "tests/ilfmat/test_ilf_light.py::"
 
 MUTATIONS = {
     # ---- the lookup
@@ -47,12 +47,18 @@ MUTATIONS = {
     "not-perpendicular-accepted": ("ilfmat/lookup/ilf_frame.c", "if (fabs(uv) > 1e-4)", "if (fabs(uv) > 1e-2)", TRACE + " build/bin/ilfinfo", FILES + "test_edges_are_perpendicular"),
     "texel-beyond-half-packed": ("ilfmat/file/ilf_write.c", "if (fabsf(rgb[k]) > 65504.f)", "if (0)", "build/bin/ilfpack", "tests/ilfmat/test_ilf_commands.py::test_ilfpack_refuses"),
     # ---- sampling
-    "patch-narrower-than-it-is": ("ilfmat/sampling/ilf_slice.c", "const double reach = cone + half_cell;", "const double reach = 1e-3 + 0 * (cone + half_cell);", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_no_direction_with_excess_is_missed[lamps-box]"),
-    "things-behind-lamps-lost": ("ilfmat/sampling/ilf_patches.c", "HALVINGS = 3, MAX_LAYERS = 6", "HALVINGS = 3, MAX_LAYERS = 1", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_light_shows_on_what_stands_behind_a_lamp"),
+    "patch-narrower-than-it-is": ("ilfmat/sampling/ilf_slice.c", "const double reach = cone + HALF_CELL;", "const double reach = 1e-3 + 0 * (cone + HALF_CELL);", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_no_direction_with_excess_is_missed[lamps-box]"),
+    "things-behind-lamps-lost": ("ilfmat/sampling/ilf_patch.c", "HALVINGS = 3, MAX_LAYERS = 6", "HALVINGS = 3, MAX_LAYERS = 1", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_light_shows_on_what_stands_behind_a_lamp"),
     "density-too-high": ("ilfmat/sampling/ilf_draw.c", "(1 - SLICE_UNIFORM) * map;", "(1 - SLICE_UNIFORM) * map * 1.05;", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_integrals_of_the_density"),
-    "weights-in-radiance": ("ilfmat/sampling/ilf_patches.c", "(double)s->patches.p[k].excess / s->unit, 1e-30", "(double)s->patches.p[k].excess, 0", "build/test/ilfdraw", LOOKUP + "test_sampler_at_any_level"),
-    "split-counts-twice": ("radiance_patch/m_ilf.c", "if (part == ILF_BASE)", "if (part == ILF_BASE && 0)", "build/bin/rtrace", "tests/radiance_patch/test_radiance_di.py::test_irradiance_is_the_oracles_integral"),
-    "lamps-coefficients": ("radiance_patch/ilfsrc.c", "dirparts = n | DIRBLIND;", "dirparts = n;", "build/bin/rtrace", "tests/radiance_patch/test_radiance_di.py::test_coefficients_are_those_of_scattered_rays[varnish-0]"),
+    "weights-in-radiance": ("ilfmat/sampling/ilf_patches.c", "(double)pl->p[k].excess / pl->unit, LEAST_WEIGHT", "(double)pl->p[k].excess, 0", "build/test/ilfdraw", LOOKUP + "test_sampler_at_any_level"),
+    # ---- the estimator
+    "chosen-counts-too-much": ("ilfmat/sampling/ilf_light.c", "times * step / ((double)l->candidates * c->target)", "times * step / ((double)l->n * c->target)", "build/test/ilflight", LIGHT + "test_mean_is_the_integral"),
+    "chosen-counts-once": ("ilfmat/sampling/ilf_light.c", "for (; next < passed; next += step) times++;", "for (; next < passed; next += step) times = 1;", "build/test/ilflight", LIGHT + "test_mean_is_the_integral"),
+    "scratch-shared": ("ilfmat/sampling/ilf_light.c", "    s->scratch = NULL;\n    if (!m ||", "    if (!m ||", "build/test/ilflight", LIGHT + "test_lighting_within_lighting"),
+    "cones-counted-twice": ("ilfmat/sampling/ilf_glint.c", "if (cone_of(gl, k, dir) >= 0) continue;", "if (0) continue;", "build/test/ilflight", LIGHT + "test_glints_and_blind_rays_are_all_that_the_ball_shows"),
+    "glint-counts-twice": ("ilfmat/sampling/ilf_part.c", "way->scattered || way->in_glint", "way->scattered", "build/test/ilflight", LIGHT + "test_glints_and_blind_rays_are_all_that_the_ball_shows"),
+    "split-counts-twice": ("ilfmat/sampling/ilf_part.c", "(part & ILF_BASE ? 1 - excess : 0)", "(part & ILF_BASE ? 1 : 0)", "build/bin/rtrace", "tests/radiance_patch/test_radiance_di.py::test_irradiance_is_the_oracles_integral"),
+    "lamps-coefficients": ("radiance_patch/m_ilf.c", "hp->r->rparts = DIRBLIND |", "hp->r->rparts =", "build/bin/rtrace", "tests/radiance_patch/test_radiance_di.py::test_coefficients_are_those_of_scattered_rays[varnish-0]"),
     # ---- hdrgen
     "clipped-code-trusted": ("tools/hdrgen/mergetab.c", "v->valid = z < top;", "v->valid = 1;", "build/bin/hdrgen", "tests/stability/test_weights.py::test_clipped_against_expectation"),
     "weights-not-zero-at-the-ends": ("tools/hdrgen/mergetab.c", "else if (inside) w = 2 * fmin(z, top - z) / top;", "else w = 2 * fmin(z + 1, top + 1 - z) / top;", "build/bin/hdrgen", "tests/stability/test_weights.py::test_ends_of_the_range_weigh_nothing"),
