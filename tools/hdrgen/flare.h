@@ -5,10 +5,11 @@
  * make up exponentials and power laws alike), v the sum of all a_j, * the convolution.  Where a place is
  * dark, what is seen there is at least what is scattered there: the mixture is a lower envelope of the
  * picture.  Ward's idea (the least value over that of the lamps at each distance bounds the scattering from
- * above), made a bound from below by two things: smooth real light may take what it can of the envelope (a
- * bilinear one over the picture), and the same a_j must hold around two groups of lamps, each on its own.
- * Light that surrounds one lamp is not what surrounds another.  Where no light of the scene falls (outside a
- * fisheye's circle), none of that is needed.  Pure: no I/O.
+ * above), made a bound from below by three things: smooth real light may take what it can of the envelope (a
+ * bilinear one over the picture); Gaussians are admitted from the narrowest on, only as far as dark places
+ * pile up on the envelope that they make; and the same a_j must hold around two groups of lamps, each on its
+ * own. Light that surrounds one lamp is not what surrounds another.  Where no light of the scene falls
+ * (outside a fisheye's circle), none of that is needed.  Pure: no I/O.
  */
 #ifndef HDRGEN_FLARE_H
 #define HDRGEN_FLARE_H
