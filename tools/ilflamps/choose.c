@@ -1,0 +1,148 @@
+/*
+ * choose.c - which hypothesis a lamp gets.  Masks are added one at a time, each time the one whose left-out rows fit best (models that
+ * have seen the occluder in the pictures win near ties: left-out probes can't see what happens above the plane), as long as they
+ * clearly help.  The chain must beat interpolation between probes; where it doesn't, interpolation is what a narrow lamp gets, and a
+ * wide one stays in the field.
+ */
+#include "choose.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "layers.h"
+#include "smooth.h"
+
+enum { ROUNDS = 3 };
+#define HELPS 0.9     /* a further mask must bring the error below this part of what it was */
+#define NEAR_TIE 1.25 /* of the least error: models that saw the occluder win */
+#define CERTAIN 0.012 /* error that needs no further mask */
+#define WIDE (3.0)    /* texels: a lamp not wider loses nothing by one share for all of it */
+
+typedef int hypothesis(model *m, const lamp *l, const lightfield *f);
+
+static int layer_model(model *m, const lamp *l, const lightfield *f)
+{
+    return layers_sheet(m, l, f);
+}
+
+static const struct {
+    hypothesis *fit;
+    const char *name;
+    int last; /* nothing is added after it */
+} TABLE[] = {{smooth_beam, "beam", 0},
+             {smooth_gate, "gate", 0},
+             {layer_model, "sheet", 0},
+             {smooth_process, "smooth", 1}};
+enum { KINDS = sizeof TABLE / sizeof *TABLE };
+
+static void say(model *m, const char *name)
+{
+    const size_t n = strlen(m->name);
+
+    snprintf(m->name + n, sizeof m->name - n, "%s%s", n ? " x " : "", name);
+}
+
+/* One more mask: the best of all kinds goes to *best; *last if nothing should follow it. */
+static int one_more(model *best, int *last, const model *base, const lamp *l, const lightfield *f)
+{
+    model m[KINDS];
+    int ok[KINDS], pick = -1, bad = 0;
+
+    for (int k = 0; k < KINDS; k++) {
+        bad |= model_copy(&m[k], base);
+        const int r = bad ? -1 : TABLE[k].fit(&m[k], l, f);
+        ok[k] = r == 0, bad |= r < 0;
+        if (getenv("ILFLAMPS_TALK")) fprintf(stderr, "  %s x %s: %d error %.4f\n", base->name, TABLE[k].name, r, m[k].error);
+        if (ok[k] && (pick < 0 || m[k].error < m[pick].error)) pick = k;
+    }
+    for (int k = 0; k < KINDS && pick >= 0; k++)
+        if (ok[k] && m[k].saw > m[pick].saw && m[k].error < NEAR_TIE * m[pick].error) pick = k;
+    for (int k = 0; k < KINDS; k++)
+        if (k != pick) model_free(&m[k]);
+    if (pick < 0) return bad ? -1 : 1;
+    *best = m[pick], *last = TABLE[pick].last;
+    say(best, TABLE[pick].name);
+    return bad ? -1 : 0;
+}
+
+static int chain(model *base, const lamp *l, const lightfield *f)
+{
+    for (int round = 0; round < ROUNDS && base->error > CERTAIN; round++) {
+        model next;
+        int last, r = one_more(&next, &last, base, l, f);
+        if (r < 0) return -1;
+        if (r > 0) break;
+        if (next.error >= HELPS * base->error) {
+            model_free(&next);
+            break;
+        }
+        model_free(base);
+        *base = next;
+        if (last) break;
+    }
+    return 0;
+}
+
+/* What the masks leave of the measurements, interpolated: kept where it helps. */
+static int remainder_too(model *base, const lamp *l, const lightfield *f)
+{
+    model more;
+
+    if (!base->n || base->n >= MODEL_MASKS) return 0;
+    if (model_copy(&more, base) || smooth_interpolation(&more, l, f, 1) < 0) return -1;
+    if (more.error < base->error) {
+        model_free(base);
+        *base = more;
+        say(base, "remainder");
+    } else
+        model_free(&more);
+    return 0;
+}
+
+static int take_masks(lamp *l, const model *m)
+{
+    ilf_luminaire *b = &l->s.l;
+
+    b->masks = calloc((size_t)(m->n + 1), sizeof *b->masks);
+    if (!b->masks) return -1;
+    for (int k = 0; k < m->n; k++) {
+        b->masks[k] = m->m[ALL][k];
+        const size_t bytes = (size_t)b->masks[k].nx * (size_t)b->masks[k].ny * sizeof *b->masks[k].grid;
+        if (b->masks[k].grid) {
+            b->masks[k].grid = malloc(bytes);
+            if (!b->masks[k].grid) return -1;
+            memcpy(b->masks[k].grid, m->m[ALL][k].grid, bytes);
+        }
+        b->nmasks++;
+    }
+    return 0;
+}
+
+int choose_model(found *it, const lightfield *f, const plan *p, errmsg *e)
+{
+    lamp *l = &it->l;
+    model plain = {0};
+    const double texels = l->width / fmax(f->dp, f->dt);
+
+    (void)p;
+    memset(&it->best, 0, sizeof it->best);
+    model_judge(&it->best, l, f);
+    if (smooth_interpolation(&plain, l, f, 0) < 0) goto memory;
+    it->interpolation = plain.error;
+    say(&plain, "interpolation");
+    it->fate = TAKEN;
+    const double alone = it->best.error;
+    if (alone > CERTAIN && (chain(&it->best, l, f) || remainder_too(&it->best, l, f))) goto memory;
+    if (alone > CERTAIN && it->best.error >= HELPS * it->interpolation) {
+        if (texels > WIDE) it->fate = UNEXPLAINED;
+        model_free(&it->best);
+        it->best = plain;
+    } else
+        model_free(&plain);
+    if (take_masks(l, &it->best)) goto memory;
+    return 0;
+memory:
+    return err_set(e, "no memory for a lamp's hypotheses");
+}
