@@ -17,7 +17,8 @@
 enum { ROUNDS = 3 };
 #define HELPS 0.9     /* a further mask must bring the error below this part of what it was */
 #define NEAR_TIE 1.25 /* of the least error: models that saw the occluder win */
-#define CERTAIN 0.012 /* error that needs no further mask */
+#define CERTAIN 0.02 /* error that needs no further mask */
+#define STEADY 0.012  /* scatter of the shares about 1 of a lamp that nothing hides */
 #define WIDE (3.0)    /* texels: a lamp not wider loses nothing by one share for all of it */
 
 typedef int hypothesis(model *m, const lamp *l, const lightfield *f);
@@ -69,7 +70,8 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
 
 static int chain(model *base, const lamp *l, const lightfield *f)
 {
-    for (int round = 0; round < ROUNDS && base->error > CERTAIN; round++) {
+    const int rounds = getenv("ILFLAMPS_ROUNDS") ? atoi(getenv("ILFLAMPS_ROUNDS")) : ROUNDS;
+    for (int round = 0; round < rounds && base->error > CERTAIN; round++) {
         model next;
         int last, r = one_more(&next, &last, base, l, f);
         if (r < 0) return -1;
@@ -134,8 +136,8 @@ int choose_model(found *it, const lightfield *f, const plan *p, errmsg *e)
     say(&plain, "interpolation");
     it->fate = TAKEN;
     const double alone = it->best.error;
-    if (alone > CERTAIN && (chain(&it->best, l, f) || remainder_too(&it->best, l, f))) goto memory;
-    if (alone > CERTAIN && it->best.error >= HELPS * it->interpolation) {
+    if (alone > STEADY && (chain(&it->best, l, f) || remainder_too(&it->best, l, f))) goto memory;
+    if (alone > STEADY && it->best.error >= HELPS * it->interpolation) {
         if (texels > WIDE) it->fate = UNEXPLAINED;
         model_free(&it->best);
         it->best = plain;

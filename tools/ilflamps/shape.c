@@ -244,6 +244,37 @@ static int whole(const blob **which, int *chosen, const centre *c, int number, c
     return full;
 }
 
+/* Keep the probes whose light agrees with the largest, once the body says how large it looks from each. */
+static void only_whole(work *w, const trial *t)
+{
+    double v[MOST_PROBES], sorted[MOST_PROBES];
+    ilf_luminaire l;
+    int kept = 0;
+
+    body(&l, t);
+    for (int i = 0; i < w->n; i++) {
+        v[i] = 0;
+        for (int j = 0; j < w->p[i].n; j++) v[i] += w->p[i].sr[j] * w->p[i].lum[j];
+        v[i] /= ilf_luminaire_omega(&l, w->f->pos[w->p[i].probe]);
+        sorted[i] = v[i];
+    }
+    qsort(sorted, (size_t)w->n, sizeof *sorted, by_flux);
+    const double least = .975 * sorted[w->n > 8 ? 2 : w->n > 4 ? 1 : 0];
+    for (int i = 0; i < w->n; i++) kept += v[i] >= least;
+    if (kept < 4) return;
+    kept = 0, w->texels = 0;
+    for (int i = 0; i < w->n; i++) {
+        const patch p = w->p[i];
+        if (v[i] < least) {
+            patch_free(&w->p[i]);
+            continue;
+        }
+        memset(&w->p[i], 0, sizeof p);
+        w->p[kept++] = p, w->texels += p.n;
+    }
+    w->n = kept;
+}
+
 /* Radiance of the lamp from the probes that see all of it. */
 static void radiance(shape *s, const work *w)
 {
@@ -302,6 +333,7 @@ int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const
         if (k && t[k].misfit < .81 * t[0].misfit && (!best || t[k].misfit < .98 * t[best].misfit)) best = k;
     }
     if (!bad && w.texels) {
+        only_whole(&w, &t[best]);
         w.S = w.S < 8 ? 8 : 16;
         bad = fit(&t[best], &w);
         body(&s->l, &t[best]);
