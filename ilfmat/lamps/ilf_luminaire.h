@@ -19,8 +19,8 @@
  *                    number of masks, held-out error of the masks, held-out error of interpolation, position's standard error,
  *                    relative error of the radiance, 5 zeroes
  *   `ilf:masks`      floatvector, 24 numbers a mask, in the lamps' order: kind, link, adds, beta, plane[0..2], coef[0..5], nx, ny,
- *                    x0, y0, dx, dy, number of its part (0: none), height of the thing over it (for words), 3 zeroes
- *   part `mask.K`    scan lines, one channel Y (half or float), nx x ny, row 0 at y0: the mask's picture
+ *                    x0, y0, dx, dy, number of its part (0: none), nz, 3 zeroes
+ *   part `mask.K`    scan lines, one channel Y (half or float), nx x ny (a stack's pictures: nx x ny*nz), row 0 at y0
  *   part `measured`  n_u x n_v, one float channel a lamp: share of the lamp that each probe saw, never clipped
  */
 #ifndef ILF_LUMINAIRE_H
@@ -43,6 +43,9 @@ typedef enum ilf_mask_kind {
     ILF_MASK_FOOT,  /* picture over foot coordinates */
     ILF_MASK_GATE,  /* logistic of a quadratic in foot coordinates: coef . (1, x, y, x2, xy, y2) */
     ILF_MASK_BEAM,  /* coef[4] max(0, -d . coef[0..2])^coef[3]: gain, axis (unit), exponent */
+    ILF_MASK_STACK, /* nz pictures over foot coordinates, of sheets at heights from plane[0] to plane[1], evenly in 1/height; pass =
+                       1/(1 + exp((o - coef[0])/coef[1])), o the largest opacity (picture's value) that the ray meets above its
+                       origin */
     ILF_MASK_BALL   /* opaque ball: centre coef[0..2], radius coef[3]; outside of it only rays that begin below count */
 } ilf_mask_kind;
 
@@ -56,8 +59,9 @@ typedef struct ilf_mask {
     double plane[3];
     double coef[6];
     int nx, ny;             /* picture; sample (i, j) stands at x0 + i dx, y0 + j dy; held beyond its edge */
+    int nz;                 /* STACK: pictures, one after the other */
     double x0, y0, dx, dy;
-    float *grid;            /* nx*ny, row-major; owned by whoever made the mask */
+    float *grid;            /* nx*ny(*nz), row-major; owned by whoever made the mask */
 } ilf_mask;
 
 typedef struct ilf_luminaire {

@@ -38,6 +38,28 @@ static int shapes(analysis *a, const bloblist *list, const centre *c, int n, dou
     return 0;
 }
 
+/* Something hides or shapes it. */
+static int uneven(const lamp *l, const lightfield *f)
+{
+    for (int k = 0; k < f->n; k++)
+        if (l->seen[k] >= 0 && fabs(l->seen[k] - 1) > .03) return 1;
+    return 0;
+}
+
+static int explain(analysis *a, const plan *p, errmsg *e)
+{
+    pictures pics = {0};
+    int hidden = 0, bad;
+
+    for (int i = 0; i < a->n; i++) hidden |= a->lamps[i].fate == TAKEN && uneven(&a->lamps[i].l, &a->f);
+    bad = p->octree ? surroundings_from(&a->around, p->octree, &a->f, e) : hidden ? surroundings_guess(&a->around, &a->f, e) : 0;
+    if (!bad && hidden) bad = pictures_make(&pics, &a->f, &a->around, e);
+    for (int i = 0; i < a->n && !bad; i++)
+        if (a->lamps[i].fate == TAKEN) bad = choose_model(&a->lamps[i], &a->f, &pics, e);
+    pictures_free(&pics);
+    return bad;
+}
+
 int analyse(analysis *a, const char *path, const plan *p, errmsg *e)
 {
     bloblist list = {0};
@@ -58,8 +80,7 @@ int analyse(analysis *a, const char *path, const plan *p, errmsg *e)
         for (int i = 0; i < a->n && !bad; i++)
             if (a->lamps[i].fate == TAKEN) bad = lamp_take_out(&a->lamps[i].l, &a->f, limit, e);
     }
-    for (int i = 0; i < a->n && !bad; i++)
-        if (a->lamps[i].fate == TAKEN) bad = choose_model(&a->lamps[i], &a->f, p, e);
+    if (!bad) bad = explain(a, p, e);
     for (int i = a->n; i-- > 0 && !bad;)
         if (a->lamps[i].fate != TAKEN) lamp_put_back(&a->lamps[i].l, &a->f);
     a->cpu_s = (double)(clock() - began) / CLOCKS_PER_SEC;
@@ -72,6 +93,7 @@ void analysis_free(analysis *a)
 {
     for (int i = 0; i < a->n; i++) lamp_free(&a->lamps[i].l), model_free(&a->lamps[i].best);
     free(a->lamps);
+    surroundings_free(&a->around);
     lf_free(&a->f);
     memset(a, 0, sizeof *a);
 }

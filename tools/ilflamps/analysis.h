@@ -5,13 +5,12 @@
 #define ANALYSIS_H
 
 #include "model.h"
-
-typedef struct surroundings surroundings; /* surroundings.h */
+#include "surroundings.h"
 
 typedef struct plan {
     int most;          /* lamps to take out at most */
     double max_width;  /* wider ones stay in the field, radians */
-    const surroundings *around;
+    const char *octree; /* the surroundings, or NULL: a box estimated from the probes */
 } plan;
 
 /* What became of a lamp. */
@@ -30,6 +29,7 @@ typedef struct analysis {
     int n;             /* all found; those TAKEN are out of the field */
     int spots;         /* bright spots, and how many of them belong to no lamp */
     int stray;
+    surroundings around;
     double cpu_s;
 } analysis;
 

@@ -85,12 +85,13 @@ static void gate_residuals(double *r, const double *p, void *context)
     residuals(r, &m, context);
 }
 
-int smooth_beam(model *m, const lamp *l, const lightfield *f)
+int smooth_beam(model *m, const lamp *l, const lightfield *f, const pictures *pics)
 {
     job j = {.m = m, .l = l, .f = f, .base = malloc((size_t)l->nrows * ROW_SAMPLES * sizeof *j.base)};
     const double step[4] = {1e-3, 1e-3, 1e-2, 1e-3}, starts[3] = {1, 3, 4.5};
     double from[4] = {0};
 
+    (void)pics;
     if (!j.base) return -1;
     for (int turn = 0; turn <= FOLDS; turn++) {
         double best = 1e30;
@@ -164,12 +165,13 @@ static double gate_fit(double *p, double *beta, job *j, double radius)
     return best;
 }
 
-int smooth_gate(model *m, const lamp *l, const lightfield *f)
+int smooth_gate(model *m, const lamp *l, const lightfield *f, const pictures *pics)
 {
     job j = {.m = m, .l = l, .f = f, .unit = f->size, .base = malloc((size_t)l->nrows * ROW_SAMPLES * sizeof *j.base)};
     const double spread = bright_foot(&j);
     double p[6], beta = 0;
 
+    (void)pics;
     if (!j.base) return -1;
     if (spread <= 0) return free(j.base), 1;
     j.fold = ALL;

@@ -21,12 +21,7 @@ enum { ROUNDS = 3 };
 #define STEADY 0.012  /* scatter of the shares about 1 of a lamp that nothing hides */
 #define WIDE (3.0)    /* texels: a lamp not wider loses nothing by one share for all of it */
 
-typedef int hypothesis(model *m, const lamp *l, const lightfield *f);
-
-static int layer_model(model *m, const lamp *l, const lightfield *f)
-{
-    return layers_sheet(m, l, f);
-}
+typedef int hypothesis(model *m, const lamp *l, const lightfield *f, const pictures *p);
 
 static const struct {
     hypothesis *fit;
@@ -34,7 +29,8 @@ static const struct {
     int last; /* nothing is added after it */
 } TABLE[] = {{smooth_beam, "beam", 0},
              {smooth_gate, "gate", 0},
-             {layer_model, "sheet", 0},
+             {layers_sheet, "sheet", 0},
+             {layers_stack, "stack", 0},
              {smooth_process, "smooth", 1}};
 enum { KINDS = sizeof TABLE / sizeof *TABLE };
 
@@ -46,14 +42,14 @@ static void say(model *m, const char *name)
 }
 
 /* One more mask: the best of all kinds goes to *best; *last if nothing should follow it. */
-static int one_more(model *best, int *last, const model *base, const lamp *l, const lightfield *f)
+static int one_more(model *best, int *last, const model *base, const lamp *l, const lightfield *f, const pictures *pics)
 {
     model m[KINDS];
     int ok[KINDS], pick = -1, bad = 0;
 
     for (int k = 0; k < KINDS; k++) {
         bad |= model_copy(&m[k], base);
-        const int r = bad ? -1 : TABLE[k].fit(&m[k], l, f);
+        const int r = bad ? -1 : TABLE[k].fit(&m[k], l, f, pics);
         ok[k] = r == 0, bad |= r < 0;
         if (getenv("ILFLAMPS_TALK")) fprintf(stderr, "  %s x %s: %d error %.4f\n", base->name, TABLE[k].name, r, m[k].error);
         if (ok[k] && (pick < 0 || m[k].error < m[pick].error)) pick = k;
@@ -68,12 +64,12 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
     return bad ? -1 : 0;
 }
 
-static int chain(model *base, const lamp *l, const lightfield *f)
+static int chain(model *base, const lamp *l, const lightfield *f, const pictures *pics)
 {
     const int rounds = getenv("ILFLAMPS_ROUNDS") ? atoi(getenv("ILFLAMPS_ROUNDS")) : ROUNDS;
     for (int round = 0; round < rounds && base->error > CERTAIN; round++) {
         model next;
-        int last, r = one_more(&next, &last, base, l, f);
+        int last, r = one_more(&next, &last, base, l, f, pics);
         if (r < 0) return -1;
         if (r > 0) break;
         if (next.error >= HELPS * base->error) {
@@ -111,7 +107,7 @@ static int take_masks(lamp *l, const model *m)
     if (!b->masks) return -1;
     for (int k = 0; k < m->n; k++) {
         b->masks[k] = m->m[ALL][k];
-        const size_t bytes = (size_t)b->masks[k].nx * (size_t)b->masks[k].ny * sizeof *b->masks[k].grid;
+        const size_t bytes = mask_bytes(&b->masks[k]);
         if (b->masks[k].grid) {
             b->masks[k].grid = malloc(bytes);
             if (!b->masks[k].grid) return -1;
@@ -122,13 +118,12 @@ static int take_masks(lamp *l, const model *m)
     return 0;
 }
 
-int choose_model(found *it, const lightfield *f, const plan *p, errmsg *e)
+int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e)
 {
     lamp *l = &it->l;
     model plain = {0};
     const double texels = l->width / fmax(f->dp, f->dt);
 
-    (void)p;
     memset(&it->best, 0, sizeof it->best);
     model_judge(&it->best, l, f);
     if (smooth_interpolation(&plain, l, f, 0) < 0) goto memory;
@@ -136,7 +131,7 @@ int choose_model(found *it, const lightfield *f, const plan *p, errmsg *e)
     say(&plain, "interpolation");
     it->fate = TAKEN;
     const double alone = it->best.error;
-    if (alone > STEADY && (chain(&it->best, l, f) || remainder_too(&it->best, l, f))) goto memory;
+    if (alone > STEADY && (chain(&it->best, l, f, pics) || remainder_too(&it->best, l, f))) goto memory;
     if (alone > STEADY && it->best.error >= HELPS * it->interpolation) {
         if (texels > WIDE) it->fate = UNEXPLAINED;
         model_free(&it->best);

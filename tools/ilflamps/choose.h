@@ -5,8 +5,9 @@
 #define CHOOSE_H
 
 #include "analysis.h"
+#include "pictures.h"
 
 /* Set best, interpolation and fate (TAKEN or UNEXPLAINED), and the lamp's masks.  f: the residual, all lamps out. */
-int choose_model(found *it, const lightfield *f, const plan *p, errmsg *e);
+int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e);
 
 #endif

@@ -11,10 +11,11 @@
 
 enum { MOST_LAMPS = 64 };
 
-static const char *report, *rays, *radiance, *lamps;
+static const char *report, *rays, *radiance, *lamps, *geometry;
 static double max_width = 15;
 
 static const cli_opt options[] = {
+    {"geometry", 0, CLI_STRING, &geometry, NULL, "FILE.oct", "the surroundings, any materials: rtrace tells how far they are (else a box is estimated from the probes)"},
     {"report", 0, CLI_STRING, &report, NULL, "FILE.json", "write what was found"},
     {"lamps", 0, CLI_STRING, &lamps, NULL, "keep|auto|N", "lamps to take out: none, all that can be explained (the default), or the N brightest"},
     {"max-width", 0, CLI_DOUBLE, &max_width, NULL, "DEG", "leave lamps in the field that look wider than this (default 15)"},
@@ -39,7 +40,7 @@ static int how_many(void)
 int main(int argc, char **argv)
 {
     const int n = cli_parse(&prog, argc, argv);
-    plan p = {.most = how_many(), .max_width = max_width / 57.29577951308232};
+    plan p = {.most = how_many(), .max_width = max_width / 57.29577951308232, .octree = geometry};
     analysis a;
     errmsg e;
 

@@ -6,7 +6,10 @@
 #define LAYERS_H
 
 #include "model.h"
+#include "pictures.h"
 
-int layers_sheet(model *m, const lamp *l, const lightfield *f);
+int layers_sheet(model *m, const lamp *l, const lightfield *f, const pictures *pics);
+
+int layers_stack(model *m, const lamp *l, const lightfield *f, const pictures *pics);
 
 #endif

@@ -35,7 +35,7 @@ int model_copy(model *to, const model *from)
     for (int k = 0; k <= FOLDS; k++)
         for (int i = 0; i < from->n; i++) {
             const ilf_mask *m = &from->m[k][i];
-            const size_t bytes = (size_t)m->nx * (size_t)m->ny * sizeof *m->grid;
+            const size_t bytes = mask_bytes(m);
             to->m[k][i].grid = m->grid ? malloc(bytes) : NULL;
             if (!m->grid) continue;
             if (!to->m[k][i].grid) return -1;
@@ -49,6 +49,11 @@ void model_free(model *m)
     for (int k = 0; k <= FOLDS; k++)
         for (int i = 0; i < MODEL_MASKS; i++) free(m->m[k][i].grid);
     memset(m, 0, sizeof *m);
+}
+
+size_t mask_bytes(const ilf_mask *m)
+{
+    return (size_t)m->nx * (size_t)m->ny * (size_t)(m->nz > 0 ? m->nz : 1) * sizeof *m->grid;
 }
 
 int mask_grid(ilf_mask *m, int nx, int ny, double x0, double y0, double x1, double y1)

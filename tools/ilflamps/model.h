@@ -31,6 +31,9 @@ void model_judge(model *m, const lamp *l, const lightfield *f);
 int model_copy(model *to, const model *from);
 void model_free(model *m);
 
+/* Bytes of a mask's pictures. */
+size_t mask_bytes(const ilf_mask *m);
+
 /* A picture for a mask: zeroed grid, or -1. */
 int mask_grid(ilf_mask *m, int nx, int ny, double x0, double y0, double x1, double y1);
 

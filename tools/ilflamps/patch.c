@@ -122,7 +122,11 @@ void patch_cover(patch *p, const lightfield *f, const ilf_luminaire *l, int S)
             d[2] = cos(p1);
             for (int b = 0; b < S; b++) {
                 d[0] = s * cs[b], d[1] = s * sn[b];
-                if (ilf_luminaire_hit(&t, l, o, d)) sum += s;
+                if (l->shape == ILF_SPHERE) { /* a ray stands for a small square, so that the cover is smooth in the body's numbers */
+                    const double g[3] = {d[0] - m[0], d[1] - m[1], d[2] - m[2]}, wide = .5 * (f->dp + f->dt * s) / S;
+                    sum += s * fmax(0, fmin(1, .5 + (cone - v_len(g)) / wide));
+                } else if (ilf_luminaire_hit(&t, l, o, d))
+                    sum += s;
                 all += s;
             }
         }

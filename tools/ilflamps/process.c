@@ -183,7 +183,7 @@ static void choose(double *beta, double *length, const gp *g, double *K, double 
     (void)first;
 }
 
-int smooth_process(model *m, const lamp *l, const lightfield *f)
+int smooth_process(model *m, const lamp *l, const lightfield *f, const pictures *pics)
 {
     const double wide = l->width * v_len(l->s.l.centre) / 2;
     double beta = 0, length = 1;
@@ -191,6 +191,7 @@ int smooth_process(model *m, const lamp *l, const lightfield *f)
     int bad = gp_make(&g, l);
     double *K = malloc((size_t)l->nrows * (size_t)l->nrows * sizeof *K), *a = malloc((size_t)(l->nrows + 1) * sizeof *a);
 
+    (void)pics;
     if (!K || !a) bad = -1;
     if (!bad) gp_rows(&g, m, ALL, l, f), choose(&beta, &length, &g, K, a, f->size);
     for (int fold = 0; fold <= FOLDS && !bad; fold++) {

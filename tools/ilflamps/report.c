@@ -13,7 +13,7 @@
 static const char *const SHAPES[] = {"sphere", "rectangle", "disc", "tube"};
 static const char *const FATES[] = {"taken out", "left in the field: too wide", "left in the field: not explained",
                                     "left in the field: no shape fits"};
-static const char *const KINDS[] = {"sheet", "foot picture", "gate", "beam", "ball"};
+static const char *const KINDS[] = {"sheet", "foot picture", "gate", "beam", "stack", "ball"};
 
 static void text(FILE *o, const char *s)
 {

@@ -6,6 +6,7 @@
 #include "shape.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -108,7 +109,7 @@ static int fit(trial *t, const work *w)
         double JJ[PARAMS][PARAMS] = {{0}}, Jr[PARAMS] = {0}, step[PARAMS];
         for (int k = 0; k < n; k++) {
             double *col = r + (size_t)w->texels * (size_t)(k + 1);
-            const double h = list[k] < 3 ? .15 * w->unit : .08;
+            const double fine = t->shape == ILF_SPHERE ? .2 : 1, h = fine * (list[k] < 3 ? .15 * w->unit : .08);
             trial q = *t;
             q.p[list[k]] += h;
             residuals(col, &q, w);
@@ -133,7 +134,7 @@ static int fit(trial *t, const work *w)
             better = q.misfit < t->misfit;
             damp *= better ? .3 : 8;
             if (better) {
-                const int done = q.misfit > t->misfit * .999;
+                const int done = q.misfit > t->misfit * .9998;
                 *t = q;
                 memcpy(r, r + (size_t)w->texels, (size_t)w->texels * sizeof *r);
                 if (done) round = 99;
@@ -329,6 +330,7 @@ int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const
     const int n = trials(t, c->at, cov, towards, wide < 1.2 * texel);
     for (int k = 0; k < n && !bad; k++) {
         if (w.texels) bad = fit(&t[k], &w);
+        if (getenv("ILFLAMPS_TALK")) printf("  trial %d shape %d misfit %.5f size %.5f %.5f at %.4f %.4f %.4f of %d full %d\n", k, (int)t[k].shape, sqrt(t[k].misfit / w.n), exp(t[k].p[3]), exp(t[k].p[4]), t[k].p[0], t[k].p[1], t[k].p[2], w.n, s->full);
         if (!k && t[0].misfit < w.n * SURE * SURE) break; /* nothing to be gained */
         if (k && t[k].misfit < .81 * t[0].misfit && (!best || t[k].misfit < .98 * t[best].misfit)) best = k;
     }

@@ -15,6 +15,7 @@
 enum { HEIGHTS = 16, COARSE = 40, FINE = 128, STARTS = 2 };
 #define ABOVE .45  /* sizes of the plane beyond its edges that a sheet must cover */
 #define STIFF 3
+#define OBLIQUE .93
 
 typedef struct job {
     const model *m;
@@ -59,7 +60,7 @@ static double height_error(const job *j, double h)
 }
 
 /* The sheet that starts at a plane, without the probes of a fold. */
-static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, const double start[3])
+static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, const double start[3], int moves)
 {
     sheetgrid g;
     backview b;
@@ -76,7 +77,7 @@ static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, con
         bad = walker(M, B, &g, rows, j->l->nrows, j->f, fold, STIFF);
     }
     if (!bad) bad = outline_trace(&o, M, &g);
-    for (int round = 0; round < 5 && !bad; round++) bad = outline_settle(&o, j->f, fold, round < 1 ? 1 : 3);
+    for (int round = 0; round < 5 && !bad; round++) bad = outline_settle(&o, j->f, fold, round < 1 ? 1 : moves);
     if (!bad) {
         sheetgrid_make(&g, o.plane, j->l->s.l.centre, j->f, ABOVE, FINE);
         bad = outline_mask(mask, &o, &g);
@@ -89,34 +90,49 @@ static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, con
 }
 
 /* All five versions of the sheet from a start. */
-static int sheet_from(model *m, const job *j, double h)
+static int sheet_from(model *m, const job *j, const double start[3], int moves)
 {
-    const double start[3] = {h, 0, 0};
     outline o = {0};
-    int bad = sheet_once(&m->m[ALL][m->n], &o, j, ALL, start);
+    int bad = sheet_once(&m->m[ALL][m->n], &o, j, ALL, start, moves);
 
     if (bad) return bad;
     const double sure = o.sure, scatter = o.scatter;
     m->height = o.plane[0] + (o.plane[1] * j->f->len_u + o.plane[2] * j->f->len_v) / 2;
     outline_free(&o);
-    for (int fold = 0; fold < FOLDS && !bad; fold++) bad = sheet_once(&m->m[fold][m->n], NULL, j, fold, start);
+    for (int fold = 0; fold < FOLDS && !bad; fold++) bad = sheet_once(&m->m[fold][m->n], NULL, j, fold, start, moves);
     if (bad) return bad;
     m->n++;
     m->saw = sure > .5;
     model_judge(m, j->l, j->f);
     if (getenv("ILFLAMPS_TALK"))
-        fprintf(stderr, "    sheet from %.3f: plane %.4f %.4f %.4f error %.4f sure %.2f scatter %.3f\n", h, m->m[ALL][m->n - 1].plane[0],
+        fprintf(stderr, "    sheet from %.3f (%d): plane %.4f %.4f %.4f error %.4f sure %.2f scatter %.3f\n", start[0], moves, m->m[ALL][m->n - 1].plane[0],
                 m->m[ALL][m->n - 1].plane[1], m->m[ALL][m->n - 1].plane[2], m->error, sure, scatter);
     return 0;
 }
 
-int layers_sheet(model *m, const lamp *l, const lightfield *f)
+/* A sheet from a start becomes the best if its error is below `part` of the best's so far. */
+static int attempt(model *best, int *any, const model *base, const job *j, const double start[3], int moves, double part)
+{
+    model t;
+
+    if (model_copy(&t, base)) return -1;
+    const int r = sheet_from(&t, j, start, moves);
+    if (!r && (!*any || t.error < part * best->error)) {
+        model_free(best);
+        *best = t, *any = 1;
+    } else
+        model_free(&t);
+    return r < 0 ? -1 : 0;
+}
+
+int layers_sheet(model *m, const lamp *l, const lightfield *f, const pictures *pics)
 {
     const job j = {m, l, f};
     double h[HEIGHTS], e[HEIGHTS];
     model best = {0};
     int tried[HEIGHTS] = {0}, any = 0;
 
+    (void)pics;
     for (int k = 0; k < HEIGHTS; k++) {
         h[k] = l->s.l.centre[2] * (.08 + .87 * k / (HEIGHTS - 1)), e[k] = height_error(&j, h[k]);
         if (e[k] < 0) return -1;
@@ -127,15 +143,13 @@ int layers_sheet(model *m, const lamp *l, const lightfield *f)
             if (!tried[q] && (q == 0 || e[q] <= e[q - 1] || tried[q - 1]) && (q + 1 == HEIGHTS || e[q] <= e[q + 1] || tried[q + 1]) && (k < 0 || e[q] < e[k])) k = q;
         if (k < 0) break;
         tried[k] = 1;
-        model t;
-        if (model_copy(&t, m)) return -1;
-        const int r = sheet_from(&t, &j, h[k]);
-        if (r < 0) return model_free(&t), model_free(&best), -1;
-        if (!r && (!any || t.error < best.error)) {
-            model_free(&best);
-            best = t, any = 1;
-        } else
-            model_free(&t);
+        const double start[3] = {h[k], 0, 0};
+        if (attempt(&best, &any, m, &j, start, 1, 1)) return -1;
+    }
+    if (any) { /* oblique only where that clearly helps: a short edge says little about slopes */
+        double start[3];
+        memcpy(start, best.m[ALL][m->n].plane, sizeof start);
+        if (attempt(&best, &any, m, &j, start, 3, OBLIQUE)) return -1;
     }
     if (!any) return 1;
     model_free(m);
