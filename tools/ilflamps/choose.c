@@ -16,6 +16,7 @@
 
 enum { ROUNDS = 3 };
 #define HELPS 0.9     /* a further mask must bring the error below this part of what it was */
+#define REMAINDER .9  /* the measurements' own scatter must not come back as a remainder */
 #define NEAR_TIE 1.25 /* of the least error: models that saw the occluder win */
 #define CERTAIN 0.02 /* error that needs no further mask */
 #define STEADY 0.012  /* scatter of the shares about 1 of a lamp that nothing hides */
@@ -41,13 +42,30 @@ static void say(model *m, const char *name)
     snprintf(m->name + n, sizeof m->name - n, "%s%s", n ? " x " : "", name);
 }
 
-/* One more mask: the best of all kinds goes to *best; *last if nothing should follow it. */
+/* Error that asks for no further mask: twice the scatter of what probes that see all of the lamp say. */
+static double enough(const lamp *l)
+{
+    double sum = 0, all = 0;
+
+    for (int k = 0; k < l->nrows; k++) {
+        const row *r = &l->rows[k];
+        if (fabs(l->seen[r->probe] - 1) > .03) continue;
+        sum += r->share * (r->value - 1) * (r->value - 1), all += r->share;
+    }
+    return all > 0 ? fmax(CERTAIN, 2 * sqrt(sum / all)) : CERTAIN;
+}
+
+/* One more mask: the best of all kinds (in the table's order, until one is good enough) goes to *best; *last if nothing should follow it. */
 static int one_more(model *best, int *last, const model *base, const lamp *l, const lightfield *f, const pictures *pics)
 {
     model m[KINDS];
     int ok[KINDS], pick = -1, bad = 0;
+    const double goal = enough(l);
 
     for (int k = 0; k < KINDS; k++) {
+        ok[k] = 0, memset(&m[k], 0, sizeof m[k]);
+        if (pick >= 0 && m[pick].error < goal) continue;
+        if (getenv("ILFLAMPS_ONLY") && strcmp(getenv("ILFLAMPS_ONLY"), TABLE[k].name)) continue;
         bad |= model_copy(&m[k], base);
         const int r = bad ? -1 : TABLE[k].fit(&m[k], l, f, pics);
         ok[k] = r == 0, bad |= r < 0;
@@ -67,7 +85,7 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
 static int chain(model *base, const lamp *l, const lightfield *f, const pictures *pics)
 {
     const int rounds = getenv("ILFLAMPS_ROUNDS") ? atoi(getenv("ILFLAMPS_ROUNDS")) : ROUNDS;
-    for (int round = 0; round < rounds && base->error > CERTAIN; round++) {
+    for (int round = 0; round < rounds && base->error > enough(l); round++) {
         model next;
         int last, r = one_more(&next, &last, base, l, f, pics);
         if (r < 0) return -1;
@@ -90,7 +108,7 @@ static int remainder_too(model *base, const lamp *l, const lightfield *f)
 
     if (!base->n || base->n >= MODEL_MASKS) return 0;
     if (model_copy(&more, base) || smooth_interpolation(&more, l, f, 1) < 0) return -1;
-    if (more.error < base->error) {
+    if (more.error < REMAINDER * base->error) {
         model_free(base);
         *base = more;
         say(base, "remainder");

@@ -10,6 +10,7 @@
 #include "vec.h"
 
 enum { WITNESSES = 15 };
+#define PART .4f  /* of a texel's darkening that counts as all: what is thinner than a texel must not vanish */
 #define LOWEST .15 /* z of directions looked at: lower ones hardly matter, and walls are seen obliquely */
 
 static int by_value(const void *a, const void *b)
@@ -65,7 +66,7 @@ int pictures_make(pictures *p, const lightfield *f, const surroundings *around, 
             break;
         }
     for (size_t k = 0; k < (size_t)f->n * texels; k++)
-        p->opacity[k] = fmaxf(0, fminf(1, (1 - p->opacity[k]) / (1 - (float)p->dark)));
+        p->opacity[k] = fmaxf(0, fminf(1, (1 - p->opacity[k]) / (1 - (float)p->dark) / PART));
     return 0;
 }
 

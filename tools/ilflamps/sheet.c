@@ -12,7 +12,7 @@
 #include "outline.h"
 #include "sheetgrid.h"
 
-enum { HEIGHTS = 16, COARSE = 40, FINE = 128, STARTS = 2 };
+enum { HEIGHTS = 16, COARSE = 40, FINE = 112, STARTS = 2 };
 #define ABOVE .45  /* sizes of the plane beyond its edges that a sheet must cover */
 #define STIFF 3
 #define OBLIQUE .93
@@ -60,30 +60,26 @@ static double height_error(const job *j, double h)
 }
 
 /* The sheet that starts at a plane, without the probes of a fold. */
-static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, const double start[3], int moves)
+static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, const sheetgrid *from, const backview *b, int moves)
 {
-    sheetgrid g;
-    backview b;
+    sheetgrid g = *from;
     outline o = {0};
 
-    sheetgrid_make(&g, start, j->l->s.l.centre, j->f, ABOVE, FINE);
-    if (backview_make(&b, &g, j->f)) return -1;
     double *M = ones(g.nx * g.ny), *B = malloc((size_t)(g.nx * g.ny) * sizeof *B);
     cellrow *rows = malloc((size_t)(j->l->nrows + 1) * sizeof *rows);
     int bad = M && B && rows ? 0 : -1;
     if (!bad) {
         cellrows_make(rows, &g, j->l, j->f, j->m->m[fold], j->m->n);
-        backview_mean(B, &b, &g, fold);
+        backview_mean(B, b, &g, fold);
         bad = walker(M, B, &g, rows, j->l->nrows, j->f, fold, STIFF);
     }
     if (!bad) bad = outline_trace(&o, M, &g);
-    for (int round = 0; round < 5 && !bad; round++) bad = outline_settle(&o, j->f, fold, round < 1 ? 1 : moves);
+    for (int round = 0; round < 4 && !bad; round++) bad = outline_settle(&o, j->f, fold, round < 1 ? 1 : moves);
     if (!bad) {
         sheetgrid_make(&g, o.plane, j->l->s.l.centre, j->f, ABOVE, FINE);
         bad = outline_mask(mask, &o, &g);
     }
     free(M), free(B), free(rows);
-    backview_free(&b);
     if (keep && !bad) *keep = o;
     else outline_free(&o);
     return bad;
@@ -93,14 +89,18 @@ static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, con
 static int sheet_from(model *m, const job *j, const double start[3], int moves)
 {
     outline o = {0};
-    int bad = sheet_once(&m->m[ALL][m->n], &o, j, ALL, start, moves);
+    sheetgrid g;
+    backview b;
 
-    if (bad) return bad;
+    sheetgrid_make(&g, start, j->l->s.l.centre, j->f, ABOVE, FINE);
+    if (backview_make(&b, &g, j->f)) return -1;
+    int bad = sheet_once(&m->m[ALL][m->n], &o, j, ALL, &g, &b, moves);
+    for (int fold = 0; fold < FOLDS && !bad; fold++) bad = sheet_once(&m->m[fold][m->n], NULL, j, fold, &g, &b, moves);
+    backview_free(&b);
+    if (bad) return outline_free(&o), bad;
     const double sure = o.sure, scatter = o.scatter;
     m->height = o.plane[0] + (o.plane[1] * j->f->len_u + o.plane[2] * j->f->len_v) / 2;
     outline_free(&o);
-    for (int fold = 0; fold < FOLDS && !bad; fold++) bad = sheet_once(&m->m[fold][m->n], NULL, j, fold, start, moves);
-    if (bad) return bad;
     m->n++;
     m->saw = sure > .5;
     model_judge(m, j->l, j->f);
@@ -128,7 +128,7 @@ static int attempt(model *best, int *any, const model *base, const job *j, const
 int layers_sheet(model *m, const lamp *l, const lightfield *f, const pictures *pics)
 {
     const job j = {m, l, f};
-    double h[HEIGHTS], e[HEIGHTS];
+    double h[HEIGHTS], e[HEIGHTS], lowest = 0;
     model best = {0};
     int tried[HEIGHTS] = {0}, any = 0;
 
@@ -141,7 +141,8 @@ int layers_sheet(model *m, const lamp *l, const lightfield *f, const pictures *p
         int k = -1;
         for (int q = 0; q < HEIGHTS; q++)
             if (!tried[q] && (q == 0 || e[q] <= e[q - 1] || tried[q - 1]) && (q + 1 == HEIGHTS || e[q] <= e[q + 1] || tried[q + 1]) && (k < 0 || e[q] < e[k])) k = q;
-        if (k < 0) break;
+        if (k < 0 || (s && e[k] > 2.5 * lowest)) break;
+        if (!s) lowest = e[k];
         tried[k] = 1;
         const double start[3] = {h[k], 0, 0};
         if (attempt(&best, &any, m, &j, start, 1, 1)) return -1;
