@@ -1,9 +1,10 @@
 /*
  * caster.c - radiance along rays in rooms of simple bodies, for tuning and judging ilflamps.
  *
- * A room is an axis-parallel box, lit as its walls' pattern says, with balls, rectangles, ellipses and capsules in it.  Bodies
- * that are lamps emit, may have a beam (radiance times cos^k of the angle from an axis) and may be a profile projector: of
- * the lens only those rays shine that cross the plane z = focus within a circle.  One wall may be a mirror.
+ * A room is an axis-parallel box, lit as its walls' pattern says, with balls, rectangles, ellipses and
+ * capsules in it.  Bodies that are lamps emit, may have a beam (radiance times cos^k of the angle from an
+ * axis) and may be a profile projector: of the lens only those rays shine that cross the plane z = focus
+ * within a circle.  One wall may be a mirror.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -12,19 +13,26 @@
 enum { BALL, QUAD, ELLIPSE, ROD, SUN };
 typedef struct {
     int kind, lamp, gate, spare;
-    double c[3], u[3], v[3], r, L[3];         /* centre; half axes (ROD: the other end in u); radius */
-    double axis[3], k;                        /* beam, k = 0: none */
-    double focus, gx, gy, gr, soft;           /* gate: plane z = focus, circle's centre, radius, softness */
-    double amp, cell;                         /* checker of a rectangle */
+    double c[3], u[3], v[3], r, L[3]; /* centre; half axes (ROD: the other end in u); radius */
+    double axis[3], k;                /* beam, k = 0: none */
+    double focus, gx, gy, gr, soft;   /* gate: plane z = focus, circle's centre, radius, softness */
+    double amp, cell;                 /* checker of a rectangle */
 } body;
 typedef struct {
-    double lo[3], hi[3], amp, cell, bright, mirror, phase; /* mirror: reflectance of the wall x = hi, 0: none */
+    double lo[3], hi[3], amp, cell, bright, mirror,
+        phase; /* mirror: reflectance of the wall x = hi, 0: none */
     int n, spare;
     const body *b;
 } room;
 
-static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-static void sub(double *r, const double *a, const double *b) { for (int c = 0; c < 3; c++) r[c] = a[c] - b[c]; }
+static double dot(const double *a, const double *b)
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+static void sub(double *r, const double *a, const double *b)
+{
+    for (int c = 0; c < 3; c++) r[c] = a[c] - b[c];
+}
 static void cross(double *r, const double *a, const double *b)
 {
     r[0] = a[1] * b[2] - a[2] * b[1], r[1] = a[2] * b[0] - a[0] * b[2], r[2] = a[0] * b[1] - a[1] * b[0];
@@ -32,7 +40,8 @@ static void cross(double *r, const double *a, const double *b)
 
 static int checker(double a, double b, double c, double cell)
 {
-    return ((long)floor(a / cell + .0131) + (long)floor(b / cell + .0173) + (long)floor(c / cell + .0119)) & 1;
+    return ((long)floor(a / cell + .0131) + (long)floor(b / cell + .0173) + (long)floor(c / cell + .0119)) &
+           1;
 }
 
 static double ball_at(const double *o, const double *d, const double *c, double r)
@@ -47,8 +56,9 @@ static double rod_at(const double *o, const double *d, const body *b)
 {
     double a[3], e[3];
     sub(a, b->u, b->c), sub(e, o, b->c);
-    const double aa = dot(a, a), ad = dot(a, d), ae = dot(a, e), A = aa - ad * ad, B = aa * dot(d, e) - ad * ae,
-                 C = aa * (dot(e, e) - b->r * b->r) - ae * ae, h = B * B - A * C;
+    const double aa = dot(a, a), ad = dot(a, d), ae = dot(a, e), A = aa - ad * ad,
+                 B = aa * dot(d, e) - ad * ae, C = aa * (dot(e, e) - b->r * b->r) - ae * ae,
+                 h = B * B - A * C;
     if (h < 0 || A <= 0) return 1e30;
     const double t = (-B - sqrt(h)) / A, s = ae + t * ad;
     if (s < 0) return ball_at(o, d, b->c, b->r);
@@ -66,7 +76,9 @@ static double flat_at(double *st, const double *o, const double *d, const body *
     if (t < 1e-9) return 1e30;
     for (int c = 0; c < 3; c++) h[c] = t * d[c] - e[c];
     st[0] = dot(h, b->u) / dot(b->u, b->u), st[1] = dot(h, b->v) / dot(b->v, b->v);
-    return (b->kind == QUAD ? fmax(fabs(st[0]), fabs(st[1])) <= 1 : st[0] * st[0] + st[1] * st[1] <= 1) ? t : 1e30;
+    return (b->kind == QUAD ? fmax(fabs(st[0]), fabs(st[1])) <= 1 : st[0] * st[0] + st[1] * st[1] <= 1)
+               ? t
+               : 1e30;
 }
 
 static double shine(const body *b, const double *o, const double *d)
@@ -90,14 +102,16 @@ static double wall(const room *w, const double *o, const double *d, double *L, i
         if (u < t) t = u, *side = 2 * c + (d[c] > 0);
     }
     for (int c = 0; c < 3; c++) x[c] = o[c] + t * d[c];
-    double v = w->bright * (1 + .35 * sin(x[0] + w->phase) * cos(.8 * x[1] - w->phase) + .2 * sin(1.7 * x[2] + 2 * w->phase));
+    double v = w->bright * (1 + .35 * sin(x[0] + w->phase) * cos(.8 * x[1] - w->phase) +
+                            .2 * sin(1.7 * x[2] + 2 * w->phase));
     if (w->amp > 0) v *= 1 + w->amp * (checker(x[0], x[1], x[2], w->cell) ? 1 : -1);
     if (*side == 5) v *= 1.5;
     L[0] = v * (1 + .2 * cos(x[0])), L[1] = v, L[2] = v * (1 + .25 * sin(x[1]));
     return t;
 }
 
-static double look(const room *w, const double *o, const double *d, const int *which, int n, double *L, int depth)
+static double look(const room *w, const double *o, const double *d, const int *which, int n, double *L,
+                   int depth)
 {
     int side = 0, hit = -1;
     double st[2], best[2] = {0, 0}, t = wall(w, o, d, L, &side);
@@ -115,7 +129,10 @@ static double look(const room *w, const double *o, const double *d, const int *w
         const body *b = w->b + hit;
         double f = b->lamp ? shine(b, o, d) : 1;
         if (b->amp > 0)
-            f *= 1 + b->amp * (checker(best[0] * sqrt(dot(b->u, b->u)), best[1] * sqrt(dot(b->v, b->v)), 0, b->cell) ? 1 : -1);
+            f *= 1 + b->amp * (checker(best[0] * sqrt(dot(b->u, b->u)), best[1] * sqrt(dot(b->v, b->v)), 0,
+                                       b->cell)
+                                   ? 1
+                                   : -1);
         for (int c = 0; c < 3; c++) L[c] = f * b->L[c];
     } else if (w->mirror > 0 && side == 1 && !depth) {
         double x[3], e[3] = {-d[0], d[1], d[2]};
@@ -142,7 +159,8 @@ static void bound(const body *b, double *c, double *r)
 }
 
 /* Bodies that may be met within `half` of direction m; 1 if a lamp is among them, or near. */
-static int near_bodies(const room *w, const double *o, const double *m, double half, double more, int *which, int *n)
+static int near_bodies(const room *w, const double *o, const double *m, double half, double more, int *which,
+                       int *n)
 {
     int lamp = 0;
     *n = 0;

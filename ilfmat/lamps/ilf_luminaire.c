@@ -173,7 +173,8 @@ static void basis(double x[3], double y[3], const double n[3])
     y[0] = b, y[1] = s + n[1] * n[1] * a, y[2] = -n[1];
 }
 
-static double sample_sphere(double d[3], const ilf_luminaire *l, const double e[3], double far, double s, double t)
+static double sample_sphere(double d[3], const ilf_luminaire *l, const double e[3], double far, double s,
+                            double t)
 {
     const double q = l->radius / far, gap = q * q / (1 + sqrt(1 - q * q)), z = 1 - s * gap;
     const double r = sqrt(fmax(0, (1 - z) * (1 + z))), phi = 2 * pi * t;
@@ -190,8 +191,10 @@ static double bounded(double x, double lo, double hi)
     return x < lo ? lo : x > hi ? hi : x;
 }
 
-/* Urena, Fajardo, King, "An area-preserving parametrization for spherical rectangles", 2013; a, b at right angles. */
-static double sample_rectangle(double d[3], const double a[3], const double b[3], const double e[3], double s, double t)
+/* Urena, Fajardo, King, "An area-preserving parametrization for spherical rectangles", 2013; a, b at right
+ * angles. */
+static double sample_rectangle(double d[3], const double a[3], const double b[3], const double e[3], double s,
+                               double t)
 {
     const double la = sqrt(dot(a, a)), lb = sqrt(dot(b, b));
     double x[3], y[3], z[3];
@@ -213,9 +216,12 @@ static double sample_rectangle(double d[3], const double a[3], const double b[3]
     if (!(omega > 0)) return 0;
     const double au = s * omega + k0, fu = (cos(au) * n0 - n2) / sin(au);
     const double cu = bounded((fu > 0 ? 1 : -1) / sqrt(fu * fu + n0 * n0), -1, 1);
-    const double xu = bounded(-(cu * z0) / fmax(sqrt(1 - cu * cu), 1e-300), x0, x1), dist = sqrt(xu * xu + z0 * z0);
-    const double h0 = y0 / sqrt(dist * dist + y0 * y0), h1 = y1 / sqrt(dist * dist + y1 * y1), hv = h0 + t * (h1 - h0);
-    const double yv = hv * hv < 1 - 1e-12 ? hv * dist / sqrt(1 - hv * hv) : y1, len = sqrt(xu * xu + yv * yv + z0 * z0);
+    const double xu = bounded(-(cu * z0) / fmax(sqrt(1 - cu * cu), 1e-300), x0, x1),
+                 dist = sqrt(xu * xu + z0 * z0);
+    const double h0 = y0 / sqrt(dist * dist + y0 * y0), h1 = y1 / sqrt(dist * dist + y1 * y1),
+                 hv = h0 + t * (h1 - h0);
+    const double yv = hv * hv < 1 - 1e-12 ? hv * dist / sqrt(1 - hv * hv) : y1,
+                 len = sqrt(xu * xu + yv * yv + z0 * z0);
     for (int k = 0; k < 3; k++) d[k] = (xu * x[k] + yv * y[k] + z0 * z[k]) / len;
     return 1 / omega;
 }
@@ -234,8 +240,10 @@ static double sample_disc(double d[3], const ilf_luminaire *l, const double e[3]
     return facing > 0 ? len2 / (facing * pi * area) : 0;
 }
 
-/* The rectangle across the line of sight, through the axis' middle, as wide and long as the outline's shadow on it. */
-static double sample_tube(double d[3], const ilf_luminaire *l, const double o[3], const double e[3], double far, double s, double t)
+/* The rectangle across the line of sight, through the axis' middle, as wide and long as the outline's shadow
+ * on it. */
+static double sample_tube(double d[3], const ilf_luminaire *l, const double o[3], const double e[3],
+                          double far, double s, double t)
 {
     const double half = sqrt(dot(l->a, l->a));
     double x[3], y[3], n[3], hit;

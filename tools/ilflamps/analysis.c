@@ -9,9 +9,11 @@
 #include <time.h>
 
 #include "choose.h"
+#include "pictures.h"
 
-#define OVER 15.0     /* bright spots: times the probe's median luminance */
-#define MISFIT .3     /* rms; a lamp whose spots look like no body that we know stays in the field */
+#define OVER        15.0 /* bright spots: times the probe's median luminance */
+#define MISFIT      .1   /* rms; a lamp whose spots look like no body that we know stays in the field */
+#define MISFIT_WIDE .2   /* of lamps of many texels, whose light is less even */
 
 static double typical(const lightfield *f)
 {
@@ -21,16 +23,36 @@ static double typical(const lightfield *f)
     return sum;
 }
 
-static int shapes(analysis *a, const bloblist *list, const centre *c, int n, double limit, const plan *p, errmsg *e)
+/* Mean width of a lamp's spots, radians. */
+static double wide_spots(const bloblist *l, int number)
+{
+    double sum = 0;
+    int n = 0;
+
+    for (int i = 0; i < l->n; i++)
+        if (l->b[i].lamp == number) sum += 2 * l->b[i].reach, n++;
+    return n ? sum / n : 0;
+}
+
+static int shapes(analysis *a, const bloblist *list, const centre *c, int n, double limit, const plan *p,
+                  errmsg *e)
 {
     for (int i = 0; i < n; i++) {
         found *it = &a->lamps[a->n];
         memset(it, 0, sizeof *it);
+        if (wide_spots(list, i) > 1.2 * p->max_width) {
+            it->l.c = c[i], it->fate = TOO_WIDE, it->l.s.l.radius = 1;
+            memcpy(it->l.s.l.centre, c[i].at, sizeof c[i].at);
+            a->n++;
+            continue;
+        }
         const int r = shape_fit(&it->l.s, &c[i], i, list, &a->f, limit);
         if (r < 0) return err_set(e, "no memory for a lamp's shape");
         it->l.c = c[i];
         a->n++;
-        it->fate = r > 0 || it->l.s.misfit > MISFIT ? SHAPELESS : TAKEN;
+        it->fate = r > 0 || it->l.s.misfit > (wide_spots(list, i) > 6 * a->f.dp ? MISFIT_WIDE : MISFIT)
+                       ? SHAPELESS
+                       : TAKEN;
         if (r > 0) continue;
         if (lamp_measure(&it->l, &a->f, limit, e)) return -1;
         if (it->fate == TAKEN && it->l.width > p->max_width) it->fate = TOO_WIDE;
@@ -52,8 +74,12 @@ static int explain(analysis *a, const plan *p, errmsg *e)
     int hidden = 0, bad;
 
     for (int i = 0; i < a->n; i++) hidden |= a->lamps[i].fate == TAKEN && uneven(&a->lamps[i].l, &a->f);
-    bad = p->octree ? surroundings_from(&a->around, p->octree, &a->f, e) : hidden ? surroundings_guess(&a->around, &a->f, e) : 0;
+    bad = p->octree ? surroundings_from(&a->around, p->octree, &a->f, e)
+          : hidden  ? surroundings_guess(&a->around, &a->f, e)
+                    : 0;
     if (!bad && hidden) bad = pictures_make(&pics, &a->f, &a->around, e);
+    for (int i = 0; i < a->n && !bad && hidden; i++)
+        if (a->lamps[i].fate == TAKEN) pictures_add_lamp(&pics, &a->lamps[i].l, &a->f);
     for (int i = 0; i < a->n && !bad; i++)
         if (a->lamps[i].fate == TAKEN) bad = choose_model(&a->lamps[i], &a->f, &pics, e);
     pictures_free(&pics);

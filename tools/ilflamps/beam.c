@@ -1,6 +1,6 @@
 /*
- * beam.c - lamps that shine more into some directions: cos^k about an axis; and profile spotlights: a soft ellipse in foot coordinates
- * (logistic of a quadratic), sharp at a height that beta stands for.
+ * beam.c - lamps that shine more into some directions: cos^k about an axis; and profile spotlights: a soft
+ * ellipse in foot coordinates (logistic of a quadratic), sharp at a height that beta stands for.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -26,7 +26,8 @@ static void set_base(job *j)
     b.nmasks = j->m->n, b.masks = (ilf_mask *)j->m->m[j->fold];
     for (int k = 0; k < j->l->nrows; k++)
         for (int q = 0; q < j->l->rows[k].n; q++)
-            j->base[k * ROW_SAMPLES + q] = ilf_luminaire_pass(&b, j->f->pos[j->l->rows[k].probe], j->l->rows[k].dir[q]);
+            j->base[k * ROW_SAMPLES + q] =
+                ilf_luminaire_pass(&b, j->f->pos[j->l->rows[k].probe], j->l->rows[k].dir[q]);
 }
 
 static void residuals(double *r, const ilf_mask *mask, const job *j)
@@ -37,7 +38,8 @@ static void residuals(double *r, const ilf_mask *mask, const job *j)
         r[k] = 0;
         if (fold_of(j->f, w->probe) == j->fold) continue;
         for (int q = 0; q < w->n; q++)
-            sum += j->base[k * ROW_SAMPLES + q] * ilf_mask_pass(mask, j->l->s.l.centre, j->f->pos[w->probe], w->dir[q]);
+            sum += j->base[k * ROW_SAMPLES + q] *
+                   ilf_mask_pass(mask, j->l->s.l.centre, j->f->pos[w->probe], w->dir[q]);
         r[k] = sqrt(w->share) * (sum / w->n - w->value);
     }
 }
@@ -158,7 +160,8 @@ static double gate_fit(double *p, double *beta, job *j, double radius)
         for (int s = -1; s <= 1; s += 2) {
             double q[6];
             memcpy(q, p, sizeof q);
-            const double b = middle + s * span * (middle < -.5 || middle > .4 ? 1 : .5), e = gate_once(q, j, b, 15);
+            const double b = middle + s * span * (middle < -.5 || middle > .4 ? 1 : .5),
+                         e = gate_once(q, j, b, 15);
             if (e >= 0 && e < best) best = e, *beta = b, memcpy(p, q, sizeof q);
         }
     }
@@ -167,7 +170,11 @@ static double gate_fit(double *p, double *beta, job *j, double radius)
 
 int smooth_gate(model *m, const lamp *l, const lightfield *f, const pictures *pics)
 {
-    job j = {.m = m, .l = l, .f = f, .unit = f->size, .base = malloc((size_t)l->nrows * ROW_SAMPLES * sizeof *j.base)};
+    job j = {.m = m,
+             .l = l,
+             .f = f,
+             .unit = f->size,
+             .base = malloc((size_t)l->nrows * ROW_SAMPLES * sizeof *j.base)};
     const double spread = bright_foot(&j);
     double p[6], beta = 0;
 

@@ -1,6 +1,6 @@
 /*
- * blobs.c - the bright spots of each probe: texels over a threshold that touch, with a rim of one texel, less the median of
- * what lies two and three texels around them.
+ * blobs.c - the bright spots of each probe: texels over a threshold that touch, with a rim of one texel, less
+ * the median of what lies two and three texels around them.
  */
 #include "blobs.h"
 
@@ -38,7 +38,8 @@ double blobs_median(const lightfield *f, int probe)
 /* A spot being gathered: its texels and their distance (in texels) from the bright ones. */
 typedef struct spot {
     int *at, *level, n;
-    unsigned char *seen; /* per texel: 0 unseen, 1 bright, not yet taken, 2 taken by this spot, 3 bright of others */
+    unsigned char
+        *seen; /* per texel: 0 unseen, 1 bright, not yet taken, 2 taken by this spot, 3 bright of others */
 } spot;
 
 static void take(spot *s, int k, int level)
@@ -90,12 +91,15 @@ static void moments(blob *b, const spot *s, const lightfield *f, double ring)
                 for (int k = 0; k < 3; k++) sum[k] += w * d[k];
                 continue;
             }
-            const double st = sin((y + .5) * f->dp), vp = f->dp * f->dp / 12, vt = st * st * f->dt * f->dt / 12;
-            const double t = (x + .5) * f->dt - 3.14159265358979323846, et[3] = {-sin(t), cos(t), 0}, tall[3] = {d[0], d[1], d[2]};
+            const double st = sin((y + .5) * f->dp), vp = f->dp * f->dp / 12,
+                         vt = st * st * f->dt * f->dt / 12;
+            const double t = (x + .5) * f->dt - 3.14159265358979323846, et[3] = {-sin(t), cos(t), 0},
+                         tall[3] = {d[0], d[1], d[2]};
             double ep[3], g[3];
             v_cross(ep, et, tall), v_sub(g, d, b->dir);
             for (int r = 0, m = 0; r < 3; r++)
-                for (int c = r; c < 3; c++, m++) b->spread[m] += w / b->flux * (g[r] * g[c] - vt * et[r] * et[c] - vp * ep[r] * ep[c]);
+                for (int c = r; c < 3; c++, m++)
+                    b->spread[m] += w / b->flux * (g[r] * g[c] - vt * et[r] * et[c] - vp * ep[r] * ep[c]);
             if (!s->level[i]) b->reach = fmax(b->reach, v_len(g));
         }
         if (pass) break;
@@ -130,7 +134,8 @@ static int of_probe(bloblist *l, const lightfield *f, int probe, double over, sp
         if (s->seen[k] != 1) continue;
         gather(s, f, k, 3);
         for (int i = 0; i < s->n; i++) {
-            if (s->level[i] > 1 && !(s->seen[s->at[i]] & 3)) ring[n++] = lf_lum(f, probe, s->at[i] % f->nt, s->at[i] / f->nt);
+            if (s->level[i] > 1 && !(s->seen[s->at[i]] & 3))
+                ring[n++] = lf_lum(f, probe, s->at[i] % f->nt, s->at[i] / f->nt);
             b.texels += !s->level[i];
         }
         moments(&b, s, f, median(ring, n));
@@ -153,7 +158,9 @@ int blobs_find(bloblist *list, const lightfield *f, double over, errmsg *e)
         spot s = {malloc(all * sizeof(int)), malloc(all * sizeof(int)), 0, malloc(all)};
         errmsg mine;
         int wrong = bad;
-        if (!wrong) wrong = s.at && s.level && s.seen ? of_probe(&each[k], f, k, over, &s, &mine) : err_set(&mine, "no memory for bright spots");
+        if (!wrong)
+            wrong = s.at && s.level && s.seen ? of_probe(&each[k], f, k, over, &s, &mine)
+                                              : err_set(&mine, "no memory for bright spots");
         free(s.at), free(s.level), free(s.seen);
         if (wrong && !bad) {
 #pragma omp critical

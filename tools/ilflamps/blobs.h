@@ -8,11 +8,12 @@
 
 typedef struct blob {
     int probe;
-    int lamp;         /* that it belongs to; -1: none yet, -2: of no lamp */
+    int lamp; /* that it belongs to; -1: none yet, -2: of no lamp */
     int texels;
     double dir[3];    /* of its middle, unit */
     double flux;      /* luminance times solid angle over what surrounds it */
-    double spread[6]; /* second moment about the middle, xx xy xz yy yz zz, the texels' own taken off; radian^2 */
+    double spread[6]; /* second moment about the middle, xx xy xz yy yz zz, the texels' own taken off;
+                         radian^2 */
     double reach;     /* largest angle of a texel from the middle */
 } blob;
 

@@ -1,7 +1,8 @@
 /*
- * centres.c - where lamps hang: for each spot that has no lamp, the brightest first, meet its ray with those of other probes; the
- * meeting point that most probes have a spot at is a lamp; then least squares over the rays, weighted by how much of the lamp
- * each probe sees (a lamp that is half hidden has its middle elsewhere).
+ * centres.c - where lamps hang: for each spot that has no lamp, the brightest first, meet its ray with those
+ * of other probes; the meeting point that most probes have a spot at is a lamp; then least squares over the
+ * rays, weighted by how much of the lamp each probe sees (a lamp that is half hidden has its middle
+ * elsewhere).
  */
 #include "centres.h"
 
@@ -14,7 +15,8 @@
 enum { LEAST_PROBES = 4, TRIES = 48 };
 
 /* Where two rays come closest, midway; 0 if they run apart. */
-static int meet(double x[3], const double p[3], const double a[3], const double q[3], const double b[3], double furthest)
+static int meet(double x[3], const double p[3], const double a[3], const double q[3], const double b[3],
+                double furthest)
 {
     double e[3];
     const double ab = v_dot(a, b), s = 1 - ab * ab;
@@ -36,7 +38,8 @@ static double tolerance(const lightfield *f, const blob *b)
     return .7 * fmax(f->dp, f->dt * st) + .6 * b->reach;
 }
 
-/* The spots of each probe that point at x: the nearest one in `mine` (-1: none).  Returns the number of probes. */
+/* The spots of each probe that point at x: the nearest one in `mine` (-1: none).  Returns the number of
+ * probes. */
 static int support(int *mine, const double x[3], const bloblist *l, const lightfield *f)
 {
     int n = 0;
@@ -81,7 +84,8 @@ static int solve3(double x[3], double m[3][3], const double y[3])
 }
 
 /* Weighted mean square angle between rays and spots. */
-static double misfit(const double x[3], const int *mine, const double *w, const bloblist *l, const lightfield *f)
+static double misfit(const double x[3], const int *mine, const double *w, const bloblist *l,
+                     const lightfield *f)
 {
     double sum = 0, weight = 0;
 
@@ -96,7 +100,8 @@ static double misfit(const double x[3], const int *mine, const double *w, const 
 }
 
 /* Least squares over the rays; w: share of the lamp that each sees, squared. */
-static void refine(double x[3], double *sigma, const int *mine, double *w, const bloblist *l, const lightfield *f)
+static void refine(double x[3], double *sigma, const int *mine, double *w, const bloblist *l,
+                   const lightfield *f)
 {
     for (int round = 0; round < 8; round++) {
         double m[3][3] = {{0}}, y[3] = {0}, top = 0, best[3];
@@ -129,7 +134,8 @@ static void refine(double x[3], double *sigma, const int *mine, double *w, const
 }
 
 /* Whether the rays are as well parallel: then the lamp stands at infinity. */
-static int parallel(double x[3], const int *mine, const double *w, const bloblist *l, const lightfield *f, double sigma)
+static int parallel(double x[3], const int *mine, const double *w, const bloblist *l, const lightfield *f,
+                    double sigma)
 {
     double mean[3] = {0, 0, 0}, far[3];
     const double middle[3] = {f->len_u / 2, f->len_v / 2, 0};

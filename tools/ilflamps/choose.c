@@ -1,8 +1,8 @@
 /*
- * choose.c - which hypothesis a lamp gets.  Masks are added one at a time, each time the one whose left-out rows fit best (models that
- * have seen the occluder in the pictures win near ties: left-out probes can't see what happens above the plane), as long as they
- * clearly help.  The chain must beat interpolation between probes; where it doesn't, interpolation is what a narrow lamp gets, and a
- * wide one stays in the field.
+ * choose.c - which hypothesis a lamp gets.  Masks are added one at a time, each time the one whose left-out
+ * rows fit best (models that have seen the occluder in the pictures win near ties: left-out probes can't see
+ * what happens above the plane), as long as they clearly help.  The chain must beat interpolation between
+ * probes; where it doesn't, interpolation is what a narrow lamp gets, and a wide one stays in the field.
  */
 #include "choose.h"
 
@@ -15,24 +15,26 @@
 #include "smooth.h"
 
 enum { ROUNDS = 3 };
-#define HELPS 0.9     /* a further mask must bring the error below this part of what it was */
-#define REMAINDER .9  /* the measurements' own scatter must not come back as a remainder */
-#define NEAR_TIE 1.25 /* of the least error: models that saw the occluder win */
-#define CERTAIN 0.02 /* error that needs no further mask */
-#define STEADY 0.012  /* scatter of the shares about 1 of a lamp that nothing hides */
-#define WIDE (3.0)    /* texels: a lamp not wider loses nothing by one share for all of it */
+#define HELPS     0.9   /* a further mask must bring the error below this part of what it was */
+#define STRICT    .4    /* part of the error that a beam or gate may leave */
+#define REMAINDER .9    /* the measurements' own scatter must not come back as a remainder */
+#define NEAR_TIE  1.25  /* of the least error: models that saw the occluder win */
+#define CERTAIN   0.02  /* error that needs no further mask */
+#define STEADY    0.012 /* scatter of the shares about 1 of a lamp that nothing hides */
+#define WIDE      (3.0) /* texels: a lamp not wider loses nothing by one share for all of it */
 
 typedef int hypothesis(model *m, const lamp *l, const lightfield *f, const pictures *p);
 
 static const struct {
     hypothesis *fit;
     const char *name;
-    int last; /* nothing is added after it */
-} TABLE[] = {{smooth_beam, "beam", 0},
-             {smooth_gate, "gate", 0},
-             {layers_sheet, "sheet", 0},
-             {layers_stack, "stack", 0},
-             {smooth_process, "smooth", 1}};
+    int last;   /* nothing is added after it */
+    int strict; /* a form that fits or doesn't: half-way is not it */
+} TABLE[] = {{smooth_beam, "beam", 0, 1},
+             {smooth_gate, "gate", 0, 1},
+             {layers_sheet, "sheet", 0, 0},
+             {layers_stack, "stack", 0, 0},
+             {smooth_process, "smooth", 1, 0}};
 enum { KINDS = sizeof TABLE / sizeof *TABLE };
 
 static void say(model *m, const char *name)
@@ -55,8 +57,10 @@ static double enough(const lamp *l)
     return all > 0 ? fmax(CERTAIN, 2 * sqrt(sum / all)) : CERTAIN;
 }
 
-/* One more mask: the best of all kinds (in the table's order, until one is good enough) goes to *best; *last if nothing should follow it. */
-static int one_more(model *best, int *last, const model *base, const lamp *l, const lightfield *f, const pictures *pics)
+/* One more mask: the best of all kinds (in the table's order, until one is good enough) goes to *best; *last
+ * if nothing should follow it. */
+static int one_more(model *best, int *last, const model *base, const lamp *l, const lightfield *f,
+                    const pictures *pics)
 {
     model m[KINDS];
     int ok[KINDS], pick = -1, bad = 0;
@@ -65,11 +69,9 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
     for (int k = 0; k < KINDS; k++) {
         ok[k] = 0, memset(&m[k], 0, sizeof m[k]);
         if (pick >= 0 && m[pick].error < goal) continue;
-        if (getenv("ILFLAMPS_ONLY") && strcmp(getenv("ILFLAMPS_ONLY"), TABLE[k].name)) continue;
         bad |= model_copy(&m[k], base);
         const int r = bad ? -1 : TABLE[k].fit(&m[k], l, f, pics);
-        ok[k] = r == 0, bad |= r < 0;
-        if (getenv("ILFLAMPS_TALK")) fprintf(stderr, "  %s x %s: %d error %.4f\n", base->name, TABLE[k].name, r, m[k].error);
+        ok[k] = r == 0 && (!TABLE[k].strict || m[k].error < fmax(STRICT * base->error, goal)), bad |= r < 0;
         if (ok[k] && (pick < 0 || m[k].error < m[pick].error)) pick = k;
     }
     for (int k = 0; k < KINDS && pick >= 0; k++)
@@ -84,8 +86,7 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
 
 static int chain(model *base, const lamp *l, const lightfield *f, const pictures *pics)
 {
-    const int rounds = getenv("ILFLAMPS_ROUNDS") ? atoi(getenv("ILFLAMPS_ROUNDS")) : ROUNDS;
-    for (int round = 0; round < rounds && base->error > enough(l); round++) {
+    for (int round = 0; round < ROUNDS && base->error > enough(l); round++) {
         model next;
         int last, r = one_more(&next, &last, base, l, f, pics);
         if (r < 0) return -1;
@@ -112,8 +113,7 @@ static int remainder_too(model *base, const lamp *l, const lightfield *f)
         model_free(base);
         *base = more;
         say(base, "remainder");
-    } else
-        model_free(&more);
+    } else model_free(&more);
     return 0;
 }
 
@@ -154,8 +154,7 @@ int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e
         if (texels > WIDE) it->fate = UNEXPLAINED;
         model_free(&it->best);
         it->best = plain;
-    } else
-        model_free(&plain);
+    } else model_free(&plain);
     if (take_masks(l, &it->best)) goto memory;
     return 0;
 memory:

@@ -7,7 +7,8 @@
 #include "analysis.h"
 #include "pictures.h"
 
-/* Set best, interpolation and fate (TAKEN or UNEXPLAINED), and the lamp's masks.  f: the residual, all lamps out. */
+/* Set best, interpolation and fate (TAKEN or UNEXPLAINED), and the lamp's masks.  f: the residual, all lamps
+ * out. */
 int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e);
 
 #endif

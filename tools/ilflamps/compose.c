@@ -14,17 +14,23 @@ enum { RAYS = 8 }; /* a side of texels that may show a lamp */
 
 static void to_scene(double x[3], const ilf_frame *f, const double p[3], int point)
 {
-    for (int k = 0; k < 3; k++) x[k] = (point ? f->origin[k] : 0) + p[0] * f->u[k] + p[1] * f->v[k] + p[2] * f->n[k];
+    for (int k = 0; k < 3; k++)
+        x[k] = (point ? f->origin[k] : 0) + p[0] * f->u[k] + p[1] * f->v[k] + p[2] * f->n[k];
 }
 
-/* What is left, seen from a place of the plane: towards where the ray meets the surroundings, where those are known. */
-static int left_over(float rgb[3], const ilf *residual, const analysis *a, const double o[3], const double d[3], ilf_error *err)
+/* What is left, seen from a place of the plane: towards where the ray meets the surroundings, where those are
+ * known. */
+static int left_over(float rgb[3], const ilf *residual, const analysis *a, const double o[3],
+                     const double d[3], ilf_error *err)
 {
     double so[3], sd[3], sh[3], h[3];
 
     to_scene(so, &a->f.frame, o, 1), to_scene(sd, &a->f.frame, d, 0);
     if (a->around.far) surroundings_meet(h, &a->around, o, d), to_scene(sh, &a->f.frame, h, 1);
-    return ilf_eval(rgb, residual, ilf_get_frame(residual), so, sd, a->around.far ? sh : NULL, ILF_DEPTH, err) == ILF_OK ? 0 : -1;
+    return ilf_eval(rgb, residual, ilf_get_frame(residual), so, sd, a->around.far ? sh : NULL, ILF_DEPTH,
+                    err) == ILF_OK
+               ? 0
+               : -1;
 }
 
 /* 1 if the texel may show a lamp. */
@@ -87,7 +93,8 @@ static int all_probes(ilf_writer *w, const ilf *residual, const analysis *a, int
     int bad = out ? 0 : err_set(e, "no memory for a probe");
 
     for (int k = 0; k < nu * nv && !bad; k++) {
-        const double o[3] = {nu > 1 ? a->f.len_u * (k % nu) / (nu - 1) : a->f.len_u / 2, nv > 1 ? a->f.len_v * (k / nu) / (nv - 1) : a->f.len_v / 2, 0};
+        const double o[3] = {nu > 1 ? a->f.len_u * (k % nu) / (nu - 1) : a->f.len_u / 2,
+                             nv > 1 ? a->f.len_v * (k / nu) / (nv - 1) : a->f.len_v / 2, 0};
         bad = probe(out, residual, a, o, nu == a->f.nu && nv == a->f.nv ? k : -1, e);
         if (!bad && ilf_writer_probe(w, out, &err) != ILF_OK) bad = err_set(e, "%s", err.text);
     }
@@ -98,17 +105,27 @@ static int all_probes(ilf_writer *w, const ilf *residual, const analysis *a, int
 int compose_write(const char *path, const analysis *a, int nu, int nv, const char *comments, errmsg *e)
 {
     const ilf_info *in = &a->f.info;
-    ilf_spec spec = {.n_u = nu, .n_v = nv, .n_theta = a->f.nt, .n_phi = a->f.np, .polar_max = a->f.polar_max, .type = ILF_FLOAT,
-                     .compression = "zip", .comments = comments, .name = path};
+    ilf_spec spec = {.n_u = nu,
+                     .n_v = nv,
+                     .n_theta = a->f.nt,
+                     .n_phi = a->f.np,
+                     .polar_max = a->f.polar_max,
+                     .type = ILF_FLOAT,
+                     .compression = "zip",
+                     .comments = comments,
+                     .name = path};
     outfile *o = NULL, *temporary = NULL;
     ilf *residual = NULL;
     ilf_writer *w = NULL;
     ilf_error err;
-    int bad = out_begin(&o, path, e) || out_begin(&temporary, "-", e) || lf_write(&a->f, out_path(temporary), NULL, e);
+    int bad = out_begin(&o, path, e) || out_begin(&temporary, "-", e) ||
+              lf_write(&a->f, out_path(temporary), NULL, e);
 
-    for (int k = 0; k < 3; k++) spec.origin[k] = (double)in->origin[k], spec.U[k] = (double)in->U[k], spec.V[k] = (double)in->V[k];
+    for (int k = 0; k < 3; k++)
+        spec.origin[k] = (double)in->origin[k], spec.U[k] = (double)in->U[k], spec.V[k] = (double)in->V[k];
     if (in->polar_valid < a->f.polar_max) spec.polar_valid = in->polar_valid;
-    if (!bad && (ilf_open(&residual, out_path(temporary), &err) != ILF_OK || ilf_writer_open(&w, out_path(o), &spec, &err) != ILF_OK))
+    if (!bad && (ilf_open(&residual, out_path(temporary), &err) != ILF_OK ||
+                 ilf_writer_open(&w, out_path(o), &spec, &err) != ILF_OK))
         bad = err_set(e, "%s", err.text);
     if (!bad) bad = all_probes(w, residual, a, nu, nv, e);
     if (w && bad) ilf_writer_abort(w);

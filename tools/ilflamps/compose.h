@@ -6,7 +6,8 @@
 
 #include "analysis.h"
 
-/* nu x nv probes on the input's plane; lamps become texels that are means over their area, behind what hides them. */
+/* nu x nv probes on the input's plane; lamps become texels that are means over their area, behind what hides
+ * them. */
 int compose_write(const char *path, const analysis *a, int nu, int nv, const char *comments, errmsg *e);
 
 #endif

@@ -42,7 +42,8 @@ int smooth_interpolation(model *m, const lamp *l, const lightfield *f, int adds)
         ilf_mask *k = &m->m[fold][m->n];
         memset(k, 0, sizeof *k);
         k->kind = ILF_MASK_FOOT, k->link = ILF_LINK_VALUE, k->adds = adds;
-        bad = mask_grid(k, f->nu, f->nv, f->nu > 1 ? 0 : f->len_u / 2, f->nv > 1 ? 0 : f->len_v / 2, f->len_u, f->len_v);
+        bad = mask_grid(k, f->nu, f->nv, f->nu > 1 ? 0 : f->len_u / 2, f->nv > 1 ? 0 : f->len_v / 2, f->len_u,
+                        f->len_v);
         if (bad) break;
         measured(v, m, fold, l, f, adds);
         for (int p = 0; p < f->n; p++)

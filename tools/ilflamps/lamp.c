@@ -26,8 +26,8 @@ static int bounded(double x, int side)
 }
 
 /* The rays of a texel that meet the lamp go to the part that the texel's middle lies in. */
-static void add_texel(parts *p, const patch *a, int i, const lightfield *f, const ilf_luminaire *l, const double m[3],
-                      const double x[3], const double y[3], double cone, int S, double A)
+static void add_texel(parts *p, const patch *a, int i, const lightfield *f, const ilf_luminaire *l,
+                      const double m[3], const double x[3], const double y[3], double cone, int S, double A)
 {
     const int col = a->at[i] % f->nt, line = a->at[i] / f->nt;
     double d[3], t;
@@ -60,7 +60,8 @@ static void make_rows(lamp *l, const parts *p, int probe)
         row *r = &l->rows[l->nrows++];
         r->probe = probe, r->value = p->light[k] / p->full[k], r->share = p->full[k] / all;
         r->n = p->n[k] < ROW_SAMPLES ? p->n[k] : ROW_SAMPLES;
-        for (int q = 0; q < r->n; q++) memcpy(r->dir[q], p->dir[k][(int)((q + .5) * p->n[k] / r->n)], sizeof r->dir[q]);
+        for (int q = 0; q < r->n; q++)
+            memcpy(r->dir[q], p->dir[k][(int)((q + .5) * p->n[k] / r->n)], sizeof r->dir[q]);
     }
 }
 
@@ -79,7 +80,11 @@ static int measure_probe(lamp *l, parts *p, const lightfield *f, int probe, doub
     p->side = texels > 4 ? 4 : 2;
     memset(p->light, 0, sizeof p->light), memset(p->full, 0, sizeof p->full), memset(p->n, 0, sizeof p->n);
     for (int i = 0; i < a.n; i++)
-        add_texel(p, &a, i, f, &l->s.l, m, x, y, tan(fmin(1.5, cone)), texels > 6 ? 4 : texels > 3 ? 6 : FINEST, l->s.radiance);
+        add_texel(p, &a, i, f, &l->s.l, m, x, y, tan(fmin(1.5, cone)),
+                  texels > 6   ? 4
+                  : texels > 3 ? 6
+                               : FINEST,
+                  l->s.radiance);
     make_rows(l, p, probe);
     patch_free(&a);
     return 0;
@@ -92,7 +97,8 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* What a lens spreads beyond the lamp's outline is missing everywhere alike: probes that see all of it say 1. */
+/* Shares are made to be 1 where most probes see all of the lamp; its radiance takes the difference (what a
+ * lens spreads beyond the outline stays in the field). */
 static void level(lamp *l, const lightfield *f)
 {
     double *v = malloc((size_t)f->n * sizeof *v);
@@ -106,6 +112,8 @@ static void level(lamp *l, const lightfield *f)
         for (int k = 0; k < f->n; k++)
             if (l->seen[k] >= 0) l->seen[k] /= one;
         for (int k = 0; k < l->nrows; k++) l->rows[k].value /= one;
+        for (int c = 0; c < 3; c++) l->s.l.rgb[c] *= (float)one;
+        l->s.radiance *= one;
     }
     free(v);
 }
@@ -119,7 +127,8 @@ int lamp_measure(lamp *l, const lightfield *f, double limit, errmsg *e)
     l->rows = malloc((size_t)f->n * MOST_SIDE * MOST_SIDE * sizeof *l->rows);
     l->seen = malloc((size_t)f->n * sizeof *l->seen);
     bad = !dirs || !l->rows || !l->seen;
-    for (int k = 0; dirs && k < MOST_SIDE * MOST_SIDE; k++) p.dir[k] = (double(*)[3])(dirs + (size_t)k * (size_t)p.room * 3);
+    for (int k = 0; dirs && k < MOST_SIDE * MOST_SIDE; k++)
+        p.dir[k] = (double(*)[3])(dirs + (size_t)k * (size_t)p.room * 3);
     for (int k = 0; k < f->n && !bad; k++) {
         bad = measure_probe(l, &p, f, k, limit);
         l->width = fmax(l->width, 2 * ilf_luminaire_cone(&l->s.l, f->pos[k]));
@@ -144,26 +153,30 @@ static void smooth_in(lightfield *f, int probe, const int *at, int n, const doub
             int m = 0;
             for (int q = 0; q < 4; q++) {
                 int x = at[i] % f->nt, y = at[i] / f->nt;
-                if (!lf_beside(&x, &y, f, q == 0 ? 1 : q == 1 ? -1 : 0, q == 2 ? 1 : q == 3 ? -1 : 0)) continue;
+                if (!lf_beside(&x, &y, f, q == 0 ? 1 : q == 1 ? -1 : 0, q == 2 ? 1 : q == 3 ? -1 : 0))
+                    continue;
                 for (int c = 0; c < 3; c++) sum[c] += (double)lf_texel(f, probe, x, y)[c];
                 m++;
             }
-            for (int c = 0; c < 3 && m; c++) lf_texel(f, probe, at[i] % f->nt, at[i] / f->nt)[c] = (float)(sum[c] / m);
+            for (int c = 0; c < 3 && m; c++)
+                lf_texel(f, probe, at[i] % f->nt, at[i] / f->nt)[c] = (float)(sum[c] / m);
         }
 }
 
-static int keep(lamp *l, const lightfield *f, int probe, const int *at, int n)
+static int keep(lamp *l, const lightfield *f, int probe, const int *at, const double *cover, int n)
 {
     const size_t have = (size_t)l->nfilled, more = have + (size_t)n;
     size_t *filled = realloc(l->filled, (more + 1) * sizeof *filled);
-    float *was = filled ? realloc(l->was, (more + 1) * 3 * sizeof *was) : NULL;
+    float *was = filled ? realloc(l->was, (more + 1) * 4 * sizeof *was) : NULL;
 
     if (filled) l->filled = filled;
     if (was) l->was = was;
     if (!was) return -1;
     for (int i = 0; i < n; i++) {
         filled[have + (size_t)i] = (size_t)probe * (size_t)(f->np * f->nt) + (size_t)at[i];
-        memcpy(was + 3 * (have + (size_t)i), lf_texel(f, probe, at[i] % f->nt, at[i] / f->nt), 3 * sizeof *was);
+        memcpy(was + 4 * (have + (size_t)i), lf_texel(f, probe, at[i] % f->nt, at[i] / f->nt),
+               3 * sizeof *was);
+        was[4 * (have + (size_t)i) + 3] = (float)cover[i];
     }
     l->nfilled = (int)more;
     return 0;
@@ -179,8 +192,9 @@ int lamp_take_out(lamp *l, lightfield *f, double limit, errmsg *e)
             return err_set(e, "no memory for a lamp's texels");
         patch_cover(&p, f, &l->s.l, 6);
         for (int i = 0; i < p.n; i++)
-            if (p.lum[i] > (p.cover[i] > 0 ? .3 : 2) * p.ring_lum) p.at[n++] = p.at[i];
-        if (n && keep(l, f, k, p.at, n)) {
+            if (p.lum[i] > (p.cover[i] > 0 ? .3 : 2) * p.ring_lum)
+                p.at[n] = p.at[i], p.cover[n++] = p.cover[i];
+        if (n && keep(l, f, k, p.at, p.cover, n)) {
             patch_free(&p);
             return err_set(e, "no memory for a lamp's texels");
         }
@@ -192,7 +206,8 @@ int lamp_take_out(lamp *l, lightfield *f, double limit, errmsg *e)
 
 void lamp_put_back(lamp *l, lightfield *f)
 {
-    for (int i = 0; i < l->nfilled; i++) memcpy(f->rgb + 3 * l->filled[i], l->was + 3 * i, 3 * sizeof *l->was);
+    for (int i = 0; i < l->nfilled; i++)
+        memcpy(f->rgb + 3 * l->filled[i], l->was + 4 * i, 3 * sizeof *l->was);
     l->nfilled = 0;
 }
 

@@ -1,8 +1,10 @@
 /*
- * lamp.h - a lamp as it is worked on: its body, what each probe measured of it, and the texels that it covered.
+ * lamp.h - a lamp as it is worked on: its body, what each probe measured of it, and the texels that it
+ * covered.
  *
- * A row is one measurement: a probe's light from a part of the lamp (a quarter; of wide lamps a sixteenth) over what that part would
- * give unhidden.  Its samples are points of the lamp within that part, as the probe sees it.
+ * A row is one measurement: a probe's light from a part of the lamp (a quarter; of wide lamps a sixteenth)
+ * over what that part would give unhidden.  Its samples are points of the lamp within that part, as the probe
+ * sees it.
  */
 #ifndef LAMP_H
 #define LAMP_H
@@ -21,13 +23,14 @@ typedef struct row {
 typedef struct lamp {
     shape s;
     centre c;
-    double width;    /* largest angle of its cone, radians, full */
+    double width; /* largest angle of its cone, radians, full */
     row *rows;
     int nrows;
-    double *seen;    /* per probe: share of the lamp's light that arrived; below 0: none expected (under the horizon) */
+    double *seen; /* per probe: share of the lamp's light that arrived; below 0: none expected (under the
+                     horizon) */
     /* texels that were filled in, to be put back where the lamp stays in the field */
-    size_t *filled;  /* (probe*np + y)*nt + x */
-    float *was;      /* 3 each */
+    size_t *filled; /* (probe*np + y)*nt + x */
+    float *was;     /* 4 each: R G B, and the part of the texel that the lamp covers */
     int nfilled;
 } lamp;
 

@@ -38,7 +38,8 @@ int lf_read(lightfield *f, const char *path, errmsg *e)
     memset(f, 0, sizeof *f);
     if (ilf_open(&file, path, &err) != ILF_OK) return err_set(e, "%s", err.text);
     f->info = *ilf_get_info(file), f->frame = *ilf_get_frame(file);
-    f->nu = f->info.n_u, f->nv = f->info.n_v, f->n = f->nu * f->nv, f->nt = f->info.n_theta, f->np = f->info.n_phi;
+    f->nu = f->info.n_u, f->nv = f->info.n_v, f->n = f->nu * f->nv, f->nt = f->info.n_theta,
+    f->np = f->info.n_phi;
     f->polar_max = f->info.polar_max, f->dt = 2 * pi / f->nt, f->dp = f->polar_max / f->np;
     f->len_u = f->frame.len_u, f->len_v = f->frame.len_v, f->size = fmax(f->len_u, f->len_v);
     f->pos = malloc((size_t)f->n * sizeof *f->pos);
@@ -59,13 +60,20 @@ void lf_free(lightfield *f)
 
 int lf_write(const lightfield *f, const char *path, const char *comments, errmsg *e)
 {
-    ilf_spec spec = {.n_u = f->nu, .n_v = f->nv, .n_theta = f->nt, .n_phi = f->np, .polar_max = f->polar_max,
-                     .type = ILF_FLOAT, .compression = "zip", .comments = comments};
+    ilf_spec spec = {.n_u = f->nu,
+                     .n_v = f->nv,
+                     .n_theta = f->nt,
+                     .n_phi = f->np,
+                     .polar_max = f->polar_max,
+                     .type = ILF_FLOAT,
+                     .compression = "zip",
+                     .comments = comments};
     ilf_writer *w;
     ilf_error err;
 
     for (int k = 0; k < 3; k++)
-        spec.origin[k] = (double)f->info.origin[k], spec.U[k] = (double)f->info.U[k], spec.V[k] = (double)f->info.V[k];
+        spec.origin[k] = (double)f->info.origin[k], spec.U[k] = (double)f->info.U[k],
+        spec.V[k] = (double)f->info.V[k];
     if (f->info.polar_valid < f->polar_max) spec.polar_valid = f->info.polar_valid;
     if (ilf_writer_open(&w, path, &spec, &err) != ILF_OK) return err_set(e, "%s", err.text);
     for (int k = 0; k < f->n; k++)

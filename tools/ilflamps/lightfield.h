@@ -1,8 +1,9 @@
 /*
  * lightfield.h - a light field in memory, its directions, and its luminance anywhere.
  *
- * Coordinates are the field's own (x along u, y along v, z along n, from probe (0, 0), scene's unit).  Pictures have continuous
- * texel coordinates: (0, 0) the corner at azimuth -pi and the pole, centres at +1/2.  Luminance is Radiance's without the 179 lm/W.
+ * Coordinates are the field's own (x along u, y along v, z along n, from probe (0, 0), scene's unit).
+ * Pictures have continuous texel coordinates: (0, 0) the corner at azimuth -pi and the pole, centres at +1/2.
+ * Luminance is Radiance's without the 179 lm/W.
  */
 #ifndef LIGHTFIELD_H
 #define LIGHTFIELD_H
@@ -13,14 +14,14 @@
 #include "ilf.h"
 
 typedef struct lightfield {
-    int nu, nv, n;      /* probes; probe (i, j) has number j*nu + i */
-    int nt, np;         /* texels of one: columns (azimuth), rows (polar angle) */
-    double dt, dp;      /* steps of azimuth and polar angle, radians */
+    int nu, nv, n; /* probes; probe (i, j) has number j*nu + i */
+    int nt, np;    /* texels of one: columns (azimuth), rows (polar angle) */
+    double dt, dp; /* steps of azimuth and polar angle, radians */
     double polar_max;
     double len_u, len_v, size; /* edges of the sampled rectangle; size: the longer one */
-    double (*pos)[3];   /* n places of probes */
-    float *rgb;         /* n*np*nt*3: what is left as lamps are taken out */
-    ilf_frame frame;    /* as the file has it */
+    double (*pos)[3];          /* n places of probes */
+    float *rgb;                /* n*np*nt*3: what is left as lamps are taken out */
+    ilf_frame frame;           /* as the file has it */
     ilf_info info;
 } lightfield;
 

@@ -34,8 +34,8 @@ static void solve(double *x, double a[LM_MOST][LM_MOST], const double *y, int n)
 }
 
 /* One damped step; 1 if it was better. */
-static int one_step(double *p, double *best, double *r, double *trial, const double *J, int n, int m, double damp, lm_fn *fn,
-                    void *context)
+static int one_step(double *p, double *best, double *r, double *trial, const double *J, int n, int m,
+                    double damp, lm_fn *fn, void *context)
 {
     double a[LM_MOST][LM_MOST], y[LM_MOST], dx[LM_MOST], q[LM_MOST];
 
@@ -61,7 +61,8 @@ static int one_step(double *p, double *best, double *r, double *trial, const dou
 
 double lm_fit(double *p, int n, int m, lm_fn *fn, void *context, const double *step, int rounds)
 {
-    double *r = malloc((size_t)m * (size_t)(n + 2) * sizeof *r), *trial = r + m, *J = r + 2 * m, damp = 1e-2, best;
+    double *r = malloc((size_t)m * (size_t)(n + 2) * sizeof *r), *trial = r + m, *J = r + 2 * m, damp = 1e-2,
+           best;
 
     if (!r) return -1;
     fn(r, p, context);

@@ -1,9 +1,9 @@
 /*
  * model.h - hypotheses of what hides or shapes a lamp, and how they are judged.
  *
- * A model is a chain of masks.  It is fitted five times: without each fourth of the probes, and with all of them.  Its error is that of
- * rows (lamp.h) of probes that had no part in the fit, so every part of a chain keeps its five versions: nothing leaks from one link to
- * the next.
+ * A model is a chain of masks.  It is fitted five times: without each fourth of the probes, and with all of
+ * them.  Its error is that of rows (lamp.h) of probes that had no part in the fit, so every part of a chain
+ * keeps its five versions: nothing leaks from one link to the next.
  */
 #ifndef MODEL_H
 #define MODEL_H
@@ -13,12 +13,12 @@
 enum { MODEL_MASKS = 12, ALL = FOLDS }; /* fold number ALL: fitted to all probes */
 
 typedef struct model {
-    char name[96];                              /* for people */
-    int n;                                      /* masks */
-    ilf_mask m[FOLDS + 1][MODEL_MASKS];         /* grids owned */
-    double error;                               /* rms over left-out rows, shares as weights */
-    int saw;                                    /* it has seen in the pictures what hides the lamp */
-    double height;                              /* of what hides the lamp, where that means something; else 0 */
+    char name[96];                      /* for people */
+    int n;                              /* masks */
+    ilf_mask m[FOLDS + 1][MODEL_MASKS]; /* grids owned */
+    double error;                       /* rms over left-out rows, shares as weights */
+    int saw;                            /* it has seen in the pictures what hides the lamp */
+    double height;                      /* of what hides the lamp, where that means something; else 0 */
 } model;
 
 /* What a row of the lamp would measure behind these masks. */

@@ -37,7 +37,8 @@ static void solve6(double x[6], double a[6][7])
     for (int k = 0; k < 6; k++) x[k] = a[k][6] / a[k][k];
 }
 
-void moments_covariance(double cov[3][3], const blob *const *b, int n, const double centre[3], const lightfield *f)
+void moments_covariance(double cov[3][3], const blob *const *b, int n, const double centre[3],
+                        const lightfield *f)
 {
     double N[6][7] = {{0}}, x[6], mean = 0;
 
@@ -87,6 +88,7 @@ void moments_axes(double value[3], double axis[3][3], const double m[3][3])
             if (value[k] < value[k + 1]) {
                 double t = value[k], v[3];
                 value[k] = value[k + 1], value[k + 1] = t;
-                memcpy(v, axis[k], sizeof v), memcpy(axis[k], axis[k + 1], sizeof v), memcpy(axis[k + 1], v, sizeof v);
+                memcpy(v, axis[k], sizeof v), memcpy(axis[k], axis[k + 1], sizeof v),
+                    memcpy(axis[k + 1], v, sizeof v);
             }
 }

@@ -49,9 +49,16 @@ static double slope(const double *M, const sheetgrid *g, double x, double y, int
 static void set_normals(outline *o)
 {
     for (int k = 0; k < o->n; k++) {
-        const int a = o->beside[k][0] >= 0 ? o->beside[k][0] : k, b = o->beside[k][1] >= 0 ? o->beside[k][1] : k;
-        const int a2 = a != k ? o->beside[a][0] != k && o->beside[a][0] >= 0 ? o->beside[a][0] : o->beside[a][1] != k && o->beside[a][1] >= 0 ? o->beside[a][1] : a : a;
-        const int b2 = b != k ? o->beside[b][0] != k && o->beside[b][0] >= 0 ? o->beside[b][0] : o->beside[b][1] != k && o->beside[b][1] >= 0 ? o->beside[b][1] : b : b;
+        const int a = o->beside[k][0] >= 0 ? o->beside[k][0] : k,
+                  b = o->beside[k][1] >= 0 ? o->beside[k][1] : k;
+        const int a2 = a != k ? o->beside[a][0] != k && o->beside[a][0] >= 0   ? o->beside[a][0]
+                                : o->beside[a][1] != k && o->beside[a][1] >= 0 ? o->beside[a][1]
+                                                                               : a
+                              : a;
+        const int b2 = b != k ? o->beside[b][0] != k && o->beside[b][0] >= 0   ? o->beside[b][0]
+                                : o->beside[b][1] != k && o->beside[b][1] >= 0 ? o->beside[b][1]
+                                                                               : b
+                              : b;
         double x = o->at[b2][1] - o->at[a2][1], y = o->at[a2][0] - o->at[b2][0];
         const double l = hypot(x, y);
         if (l <= 0) continue;
@@ -63,7 +70,8 @@ static void set_normals(outline *o)
 /* Islands of a few cells are the fit's, not the room's. */
 static void drop_small(outline *o, int least)
 {
-    int *stack = malloc((size_t)(o->n + 1) * sizeof *stack), *group = calloc((size_t)o->n + 1, sizeof *group), n = 0;
+    int *stack = malloc((size_t)(o->n + 1) * sizeof *stack), *group = calloc((size_t)o->n + 1, sizeof *group),
+        n = 0;
 
     for (int k = 0; stack && group && k < o->n; k++) {
         int size = 0, head = 0;
@@ -113,9 +121,12 @@ int outline_trace(outline *o, const double *sharp, const sheetgrid *g)
 
     memset(o, 0, sizeof *o);
     memcpy(o->plane, g->plane, sizeof o->plane);
-    o->at = malloc(2 * (size_t)cells * sizeof *o->at), o->normal = malloc(2 * (size_t)cells * sizeof *o->normal);
-    o->beside = malloc(2 * (size_t)cells * sizeof *o->beside), o->weight = calloc(2 * (size_t)cells, sizeof *o->weight);
-    if (!id || !M || !o->at || !o->normal || !o->beside || !o->weight) return free(id), free(M), outline_free(o), -1;
+    o->at = malloc(2 * (size_t)cells * sizeof *o->at),
+    o->normal = malloc(2 * (size_t)cells * sizeof *o->normal);
+    o->beside = malloc(2 * (size_t)cells * sizeof *o->beside),
+    o->weight = calloc(2 * (size_t)cells, sizeof *o->weight);
+    if (!id || !M || !o->at || !o->normal || !o->beside || !o->weight)
+        return free(id), free(M), outline_free(o), -1;
     blur(M, sharp, g);
     for (int k = 0; k < 2 * cells; k++) id[k] = -1;
     for (int j = 0; j + 1 < g->ny; j++)
@@ -123,7 +134,8 @@ int outline_trace(outline *o, const double *sharp, const sheetgrid *g)
             const int c = j * g->nx + i, corner[5] = {c, c + 1, c + 1 + g->nx, c + g->nx, c};
             int p[4], n = 0;
             for (int k = 0; k < 4; k++) {
-                const int a = corner[k] < corner[k + 1] ? corner[k] : corner[k + 1], b = corner[k] + corner[k + 1] - a;
+                const int a = corner[k] < corner[k + 1] ? corner[k] : corner[k + 1],
+                          b = corner[k] + corner[k + 1] - a;
                 if ((M[a] > .5) != (M[b] > .5)) p[n++] = point(o, id, a, b, M, g);
             }
             if (n >= 2) join(o, p[0], p[1]);
@@ -142,8 +154,8 @@ enum { STEPS = 15 };
 /* What one picture says about a point of the line. */
 typedef struct saying {
     int point, probe;
-    double off;    /* the edge's place along the normal */
-    double lean[3]; /* d off / d (height, slopes) */
+    double off;      /* the edge's place along the normal */
+    double lean[3];  /* d off / d (height, slopes) */
     double w, width; /* weight; a texel's width there, scene's unit */
 } saying;
 
@@ -166,7 +178,8 @@ static int listen(saying *s, const outline *o, int k, const lightfield *f, int p
     double dx = px[1] - px[0];
     if (dx > f->nt / 2) dx -= f->nt;
     if (dx < -f->nt / 2) dx += f->nt;
-    const double st = sin(.5 * (py[0] + py[1]) * f->dp), ax = dx * f->dt * st / (2 * eps), ay = (py[1] - py[0]) * f->dp / (2 * eps);
+    const double st = sin(.5 * (py[0] + py[1]) * f->dp), ax = dx * f->dt * st / (2 * eps),
+                 ay = (py[1] - py[0]) * f->dp / (2 * eps);
     const double g = hypot(ax, ay);
     if (!(g > 0)) return 0;
     const double width = (fabs(ax) * f->dt * st + fabs(ay) * f->dp) / (g * g), reach = 2.2 * width;
@@ -253,7 +266,8 @@ static void agree(double d[3], double *e, outline *o, saying *s, int n, int move
         for (int i = 0; i < n; i++) {
             double r = s[i].off - e[s[i].point];
             for (int c = 0; c < moves; c++) r -= s[i].lean[c] * d[c];
-            const double *t = top + 5 * s[i].point, w = round ? s[i].w / (1 + r * r / (scale * scale)) : s[i].w;
+            const double *t = top + 5 * s[i].point,
+                         w = round ? s[i].w / (1 + r * r / (scale * scale)) : s[i].w;
             for (int c = 0; c < moves; c++) {
                 const double lc = s[i].lean[c] - t[2 + c] / t[0];
                 y[c] += w * lc * (s[i].off - t[1] / t[0]);
@@ -307,7 +321,8 @@ static void smooth_along(double *e, const outline *o)
     for (int round = 0; round < 3 && was; round++) {
         memcpy(was, e, (size_t)o->n * sizeof *was);
         for (int k = 0; k < o->n; k++) {
-            double sum = was[k] * (o->weight[k] / (mean + 1e-30) + .2), all = o->weight[k] / (mean + 1e-30) + .2;
+            double sum = was[k] * (o->weight[k] / (mean + 1e-30) + .2),
+                   all = o->weight[k] / (mean + 1e-30) + .2;
             for (int b = 0; b < 2; b++)
                 if (o->beside[k][b] >= 0) {
                     const double w = .3 * (o->weight[o->beside[k][b]] / (mean + 1e-30) + .2);
@@ -330,7 +345,8 @@ int outline_settle(outline *o, const lightfield *f, int fold, int moves)
     for (int i = 0; i < n; i++) {
         double r = s[i].off - e[s[i].point];
         for (int c = 0; c < moves; c++) r -= s[i].lean[c] * d[c];
-        sum += s[i].w * s[i].width * s[i].width * fmin(1, r * r / (s[i].width * s[i].width)), all += s[i].w * s[i].width * s[i].width;
+        sum += s[i].w * s[i].width * s[i].width * fmin(1, r * r / (s[i].width * s[i].width)),
+            all += s[i].w * s[i].width * s[i].width;
     }
     for (int k = 0; k < o->n; k++) seen += o->weight[k] > 0;
     o->scatter = all > 0 ? sqrt(sum / all) : 1, o->sure = seen / o->n;
@@ -354,8 +370,10 @@ static double distance(const outline *o, double x, double y)
         for (int b = 0; b < 2; b++) {
             const int q = o->beside[k][b];
             if (q < k) continue;
-            const double ax = o->at[q][0] - o->at[k][0], ay = o->at[q][1] - o->at[k][1], bx = x - o->at[k][0], by = y - o->at[k][1];
-            const double len2 = ax * ax + ay * ay, t = len2 > 0 ? fmax(0, fmin(1, (ax * bx + ay * by) / len2)) : 0;
+            const double ax = o->at[q][0] - o->at[k][0], ay = o->at[q][1] - o->at[k][1], bx = x - o->at[k][0],
+                         by = y - o->at[k][1];
+            const double len2 = ax * ax + ay * ay,
+                         t = len2 > 0 ? fmax(0, fmin(1, (ax * bx + ay * by) / len2)) : 0;
             const double ex = bx - t * ax, ey = by - t * ay, d = ex * ex + ey * ey;
             if (d > best + 1e-14) continue;
             const double nx = o->normal[k][0] + o->normal[q][0], ny = o->normal[k][1] + o->normal[q][1];
@@ -373,10 +391,13 @@ int outline_mask(ilf_mask *m, const outline *o, const sheetgrid *g)
     memset(m, 0, sizeof *m);
     m->kind = ILF_MASK_LAYER, m->link = ILF_LINK_LOGISTIC;
     memcpy(m->plane, o->plane, sizeof m->plane);
-    if (mask_grid(m, g->nx, g->ny, g->x0, g->y0, g->x0 + (g->nx - 1) * g->cell, g->y0 + (g->ny - 1) * g->cell)) return -1;
+    if (mask_grid(m, g->nx, g->ny, g->x0, g->y0, g->x0 + (g->nx - 1) * g->cell,
+                  g->y0 + (g->ny - 1) * g->cell))
+        return -1;
 #pragma omp parallel for schedule(dynamic, 1)
     for (int j = 0; j < m->ny; j++)
         for (int i = 0; i < m->nx; i++)
-            m->grid[j * m->nx + i] = (float)fmax(-40, fmin(40, distance(o, m->x0 + i * m->dx, m->y0 + j * m->dy) / soft));
+            m->grid[j * m->nx + i] =
+                (float)fmax(-40, fmin(40, distance(o, m->x0 + i * m->dx, m->y0 + j * m->dy) / soft));
     return 0;
 }

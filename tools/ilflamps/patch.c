@@ -25,7 +25,8 @@ static int by_value(const void *a, const void *b)
 static int within(int *at, const lightfield *f, const double m[3], double wide)
 {
     const double phi = acos(fmax(-1, fmin(1, m[2]))), theta = atan2(m[1], m[0]) + 3.14159265358979323846;
-    const int y0 = (int)fmax(0, floor((phi - wide) / f->dp)), y1 = (int)fmin(f->np - 1, ceil((phi + wide) / f->dp));
+    const int y0 = (int)fmax(0, floor((phi - wide) / f->dp)),
+              y1 = (int)fmin(f->np - 1, ceil((phi + wide) / f->dp));
     int n = 0;
 
     for (int y = y0; y <= y1; y++) {
@@ -44,7 +45,8 @@ static int within(int *at, const lightfield *f, const double m[3], double wide)
     return n;
 }
 
-static void set_ring(patch *p, const lightfield *f, const int *at, int n, const double m[3], double cone, double limit)
+static void set_ring(patch *p, const lightfield *f, const int *at, int n, const double m[3], double cone,
+                     double limit)
 {
     float *v = malloc((size_t)(n + 1) * 3 * sizeof *v);
     const double size = patch_texel(f, m);
@@ -66,7 +68,8 @@ static void set_ring(patch *p, const lightfield *f, const int *at, int n, const 
     free(v);
 }
 
-int patch_make(patch *p, const lightfield *f, int probe, const double centre[3], double cone, double margin, double limit)
+int patch_make(patch *p, const lightfield *f, int probe, const double centre[3], double cone, double margin,
+               double limit)
 {
     double m[3];
 
@@ -122,11 +125,12 @@ void patch_cover(patch *p, const lightfield *f, const ilf_luminaire *l, int S)
             d[2] = cos(p1);
             for (int b = 0; b < S; b++) {
                 d[0] = s * cs[b], d[1] = s * sn[b];
-                if (l->shape == ILF_SPHERE) { /* a ray stands for a small square, so that the cover is smooth in the body's numbers */
-                    const double g[3] = {d[0] - m[0], d[1] - m[1], d[2] - m[2]}, wide = .5 * (f->dp + f->dt * s) / S;
+                if (l->shape == ILF_SPHERE) { /* a ray stands for a small square, so that the cover is smooth
+                                                 in the body's numbers */
+                    const double g[3] = {d[0] - m[0], d[1] - m[1], d[2] - m[2]},
+                                 wide = .5 * (f->dp + f->dt * s) / S;
                     sum += s * fmax(0, fmin(1, .5 + (cone - v_len(g)) / wide));
-                } else if (ilf_luminaire_hit(&t, l, o, d))
-                    sum += s;
+                } else if (ilf_luminaire_hit(&t, l, o, d)) sum += s;
                 all += s;
             }
         }

@@ -17,9 +17,11 @@ typedef struct patch {
     double ring_lum;
 } patch;
 
-/* Texels within `cone` + `margin` texels of the direction from the probe to the lamp's centre; the ring lies 1.5 to 3.5 texels
- * outside `cone`.  Bright texels (over `limit`) are none of the ring.  Returns -1 without memory; n = 0 below the horizon. */
-int patch_make(patch *p, const lightfield *f, int probe, const double centre[3], double cone, double margin, double limit);
+/* Texels within `cone` + `margin` texels of the direction from the probe to the lamp's centre; the ring
+ * lies 1.5 to 3.5 texels outside `cone`.  Bright texels (over `limit`) are none of the ring.  Returns -1
+ * without memory; n = 0 below the horizon. */
+int patch_make(patch *p, const lightfield *f, int probe, const double centre[3], double cone, double margin,
+               double limit);
 void patch_free(patch *p);
 
 /* Fill in cover by S x S rays a texel. */

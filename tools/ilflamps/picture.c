@@ -74,11 +74,13 @@ static void from_beside(img *im, int x0, const found *it, const lightfield *f)
     if (it->best.height > 0)
         for (int x = 0; x < PANEL; x++)
             if (x / 4 % 2) dot(im, x0 + x, floor_y - (int)(it->best.height * scale), 200, 90, 60);
-    const int lx = mid + (int)((l->centre[0] - f->len_u / 2) * scale), ly = floor_y - (int)(l->centre[2] * scale);
+    const int lx = mid + (int)((l->centre[0] - f->len_u / 2) * scale),
+              ly = floor_y - (int)(l->centre[2] * scale);
     for (int b = -4; b <= 4; b++)
         for (int a = -4; a <= 4; a++)
             if (a * a + b * b <= 18 && lx + a >= x0 && lx + a < x0 + PANEL && ly + b > GAP + PANEL)
-                dot(im, lx + a, ly + b, 255 * (double)l->rgb[0] / brightest, 255 * (double)l->rgb[1] / brightest, 255 * (double)l->rgb[2] / brightest);
+                dot(im, lx + a, ly + b, 255 * (double)l->rgb[0] / brightest,
+                    255 * (double)l->rgb[1] / brightest, 255 * (double)l->rgb[2] / brightest);
 }
 
 int picture_write(const char *path, const analysis *a, errmsg *e)

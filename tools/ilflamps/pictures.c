@@ -10,7 +10,8 @@
 #include "vec.h"
 
 enum { WITNESSES = 15 };
-#define PART .4f  /* of a texel's darkening that counts as all: what is thinner than a texel must not vanish */
+#define PART .4f /* of a texel's darkening that counts as all: what is thinner than a texel must not vanish  \
+                  */
 #define LOWEST .15 /* z of directions looked at: lower ones hardly matter, and walls are seen obliquely */
 
 static int by_value(const void *a, const void *b)
@@ -68,6 +69,17 @@ int pictures_make(pictures *p, const lightfield *f, const surroundings *around, 
     for (size_t k = 0; k < (size_t)f->n * texels; k++)
         p->opacity[k] = fmaxf(0, fminf(1, (1 - p->opacity[k]) / (1 - (float)p->dark) / PART));
     return 0;
+}
+
+void pictures_add_lamp(pictures *p, const lamp *l, const lightfield *f)
+{
+    for (int i = 0; i < l->nfilled; i++) {
+        const float *was = l->was + 4 * i, *left = f->rgb + 3 * l->filled[i];
+        if (was[3] < .3f) continue;
+        const double share = (ilf_luminance(was) - ilf_luminance(left)) /
+                             ((double)was[3] * (l->s.radiance - ilf_luminance(left)));
+        p->opacity[l->filled[i]] = (float)fmax(0, fmin(1, (1 - share) / (double)PART));
+    }
 }
 
 void pictures_free(pictures *p)

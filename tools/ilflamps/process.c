@@ -1,7 +1,8 @@
 /*
- * process.c - a smooth mask from few measurements: Gaussian process regression in its dual.  A row measures the mean of the mask (times
- * what other masks let through) over its samples' foot coordinates; covariance Matern 5/2 and a constant; left-out probes' residuals in
- * closed form, r_B = (K^-1_BB)^-1 (K^-1 y)_B (Rasmussen and Williams 2006, section 5.4.2, for blocks).
+ * process.c - a smooth mask from few measurements: Gaussian process regression in its dual.  A row measures
+ * the mean of the mask (times what other masks let through) over its samples' foot coordinates; covariance
+ * Matern 5/2 and a constant; left-out probes' residuals in closed form, r_B = (K^-1_BB)^-1 (K^-1 y)_B
+ * (Rasmussen and Williams 2006, section 5.4.2, for blocks).
  */
 #include <lapacke.h>
 #include <math.h>
@@ -39,7 +40,8 @@ static int gp_make(gp *g, const lamp *l)
     const size_t n = (size_t)l->nrows + 1;
 
     g->n = 0;
-    g->probe = malloc(n * sizeof *g->probe), g->y = malloc(n * sizeof *g->y), g->noise = malloc(n * sizeof *g->noise);
+    g->probe = malloc(n * sizeof *g->probe), g->y = malloc(n * sizeof *g->y),
+    g->noise = malloc(n * sizeof *g->noise);
     g->at = malloc(n * sizeof *g->at);
     return g->probe && g->y && g->noise && g->at ? 0 : -1;
 }
@@ -89,10 +91,13 @@ static int invert(double *K, const gp *g, double beta, double length)
 #pragma omp parallel for schedule(dynamic, 8)
     for (int i = 0; i < n; i++)
         for (int j = 0; j <= i; j++)
-            K[(size_t)i * (size_t)n + (size_t)j] = covariance(g->at[i], g->at[j], beta, length) + (i == j ? g->noise[i] : 0);
-    if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', n, K, n) || LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', n, K, n)) return -1;
+            K[(size_t)i * (size_t)n + (size_t)j] =
+                covariance(g->at[i], g->at[j], beta, length) + (i == j ? g->noise[i] : 0);
+    if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', n, K, n) || LAPACKE_dpotri(LAPACK_ROW_MAJOR, 'L', n, K, n))
+        return -1;
     for (int i = 0; i < n; i++)
-        for (int j = i + 1; j < n; j++) K[(size_t)i * (size_t)n + (size_t)j] = K[(size_t)j * (size_t)n + (size_t)i];
+        for (int j = i + 1; j < n; j++)
+            K[(size_t)i * (size_t)n + (size_t)j] = K[(size_t)j * (size_t)n + (size_t)i];
     return 0;
 }
 
@@ -111,10 +116,10 @@ static double left_out(const gp *g, const double *K, const double *a)
     int piv[32];
 
     for (int i = 0, m; i < g->n; i += m) {
-        for (m = 1; i + m < g->n && m < 32 && g->probe[i + m] == g->probe[i]; m++)
-            ;
+        for (m = 1; i + m < g->n && m < 32 && g->probe[i + m] == g->probe[i]; m++);
         for (int r = 0; r < m; r++) {
-            for (int c = 0; c < m; c++) block[r * m + c] = K[(size_t)(i + r) * (size_t)g->n + (size_t)(i + c)];
+            for (int c = 0; c < m; c++)
+                block[r * m + c] = K[(size_t)(i + r) * (size_t)g->n + (size_t)(i + c)];
             x[r] = a[i + r];
         }
         if (LAPACKE_dgesv(LAPACK_ROW_MAJOR, m, 1, block, m, piv, x, 1)) return 1e30;
@@ -131,7 +136,8 @@ static double try_pair(const gp *g, double *K, double *a, double beta, double le
 }
 
 /* The posterior mean over foot coordinates. */
-static int picture(ilf_mask *m, const gp *g, const double *a, double beta, double length, const lightfield *f, double wide)
+static int picture(ilf_mask *m, const gp *g, const double *a, double beta, double length, const lightfield *f,
+                   double wide)
 {
     const double edge = .4 * f->size + fabs(beta) * wide;
 
@@ -189,7 +195,8 @@ int smooth_process(model *m, const lamp *l, const lightfield *f, const pictures 
     double beta = 0, length = 1;
     gp g = {0};
     int bad = gp_make(&g, l);
-    double *K = malloc((size_t)l->nrows * (size_t)l->nrows * sizeof *K), *a = malloc((size_t)(l->nrows + 1) * sizeof *a);
+    double *K = malloc((size_t)l->nrows * (size_t)l->nrows * sizeof *K),
+           *a = malloc((size_t)(l->nrows + 1) * sizeof *a);
 
     (void)pics;
     if (!K || !a) bad = -1;

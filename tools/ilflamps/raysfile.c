@@ -39,7 +39,8 @@ static int evaluate(float *out, const double *ray, long n, const ilf *field, con
         const double *r = ray + 9 * i;
         double o[3], d[3];
         ilf_error err;
-        if (ilf_eval(out + 3 * i, field, ilf_get_frame(field), r, r + 3, isinf(r[6]) ? NULL : r + 6, ILF_DEPTH, &err) != ILF_OK) {
+        if (ilf_eval(out + 3 * i, field, ilf_get_frame(field), r, r + 3, isinf(r[6]) ? NULL : r + 6,
+                     ILF_DEPTH, &err) != ILF_OK) {
 #pragma omp critical
             bad = err_set(e, "%s", err.text);
         }
@@ -94,7 +95,8 @@ int rays_evaluate(const char *radiance, const char *rays, const char *input, con
     if (!bad) bad = lf_write(&a->f, out_path(residual), NULL, e);
     if (!bad) bad = one_field(out, input, ray, n, NULL, e);
     if (!bad) bad = one_field(out + 3 * n, out_path(residual), ray, n, a, e);
-    if (!bad && fwrite(out, 6 * sizeof *out, (size_t)n, out_stream(o)) != (size_t)n) bad = err_errno(e, "%s", radiance);
+    if (!bad && fwrite(out, 6 * sizeof *out, (size_t)n, out_stream(o)) != (size_t)n)
+        bad = err_errno(e, "%s", radiance);
     out_abort(residual);
     if (bad) out_abort(o);
     else bad = out_commit(o, e);

@@ -6,8 +6,8 @@
 
 #include "analysis.h"
 
-/* rays: doubles ox oy oz dx dy dz hx hy hz (the scene's coordinates, h: where it meets the auxiliary geometry).  radiance: floats R G B of
- * all rays by the input file, then again by lamps and residual. */
+/* rays: doubles ox oy oz dx dy dz hx hy hz (the scene's coordinates, h: where it meets the auxiliary
+ * geometry).  radiance: floats R G B of all rays by the input file, then again by lamps and residual. */
 int rays_evaluate(const char *radiance, const char *rays, const char *input, const analysis *a, errmsg *e);
 
 /* A ray's radiance: residual's replaced where it meets a lamp.  Coordinates of the field. */

@@ -1,6 +1,6 @@
 /*
- * report.c - what was found, as JSON: positions in the scene's coordinates and unit, radiance in W/sr/m^2 per channel, cd and lm by
- * 179 lm/W (for a scene in metres).
+ * report.c - what was found, as JSON: positions in the scene's coordinates and unit, radiance in W/sr/m^2 per
+ * channel, cd and lm by 179 lm/W (for a scene in metres).
  */
 #include "report.h"
 
@@ -11,8 +11,8 @@
 #include "vec.h"
 
 static const char *const SHAPES[] = {"sphere", "rectangle", "disc", "tube"};
-static const char *const FATES[] = {"taken out", "left in the field: too wide", "left in the field: not explained",
-                                    "left in the field: no shape fits"};
+static const char *const FATES[] = {"taken out", "left in the field: too wide",
+                                    "left in the field: not explained", "left in the field: no shape fits"};
 static const char *const KINDS[] = {"sheet", "foot picture", "gate", "beam", "stack", "ball"};
 
 static void text(FILE *o, const char *s)
@@ -34,7 +34,8 @@ static void place(FILE *o, const char *name, const ilf_frame *f, const double p[
 {
     double x[3];
 
-    for (int k = 0; k < 3; k++) x[k] = (point ? f->origin[k] : 0) + p[0] * f->u[k] + p[1] * f->v[k] + p[2] * f->n[k];
+    for (int k = 0; k < 3; k++)
+        x[k] = (point ? f->origin[k] : 0) + p[0] * f->u[k] + p[1] * f->v[k] + p[2] * f->n[k];
     triple(o, name, x);
 }
 
@@ -85,23 +86,26 @@ static void one_lamp(FILE *o, const found *it, const lightfield *f)
     const double lum = 179 * it->l.s.radiance;
 
     fprintf(o, "    {\"fate\": \"%s\", \"shape\": \"%s\", \"at_infinity\": %s, ", FATES[it->fate],
-            it->fate == SHAPELESS ? "unknown" : SHAPES[l->shape], it->l.c.far ? "true" : "false");
-    place(o, "position", &f->frame, it->fate == SHAPELESS ? it->l.c.at : l->centre, 1);
-    fprintf(o, "\"position_error\": %.3g, \"seen_by\": %d, \"seen_whole_by\": %d, ", it->l.c.sigma, it->l.c.seen, it->l.s.full);
-    if (it->fate != SHAPELESS) {
+            !it->l.seen ? "unknown" : SHAPES[l->shape], it->l.c.far ? "true" : "false");
+    place(o, "position", &f->frame, !it->l.seen ? it->l.c.at : l->centre, 1);
+    fprintf(o, "\"position_error\": %.3g, \"seen_by\": %d, \"seen_whole_by\": %d, ", it->l.c.sigma,
+            it->l.c.seen, it->l.s.full);
+    if (it->l.seen) {
         if (l->shape == ILF_SPHERE || l->shape == ILF_TUBE) fprintf(o, "\"radius\": %.6g, ", l->radius);
         if (l->shape != ILF_SPHERE) place(o, "a", &f->frame, l->a, 0);
         if (l->shape == ILF_RECTANGLE || l->shape == ILF_DISC) place(o, "b", &f->frame, l->b, 0);
         const double rgb[3] = {(double)l->rgb[0], (double)l->rgb[1], (double)l->rgb[2]};
         triple(o, "radiance", rgb);
-        fprintf(o, "\"radiance_error\": %.3g, \"width_deg\": %.4g, \"shape_misfit\": %.3g, ", it->l.s.sigma_radiance,
-                it->l.width * 57.29577951308232, it->l.s.misfit);
-        fprintf(o, "\"candela\": %.4g, \"lumen\": %.4g, ", lum * area(l, f), 3.14159265358979 * lum * surface(l));
+        fprintf(o, "\"radiance_error\": %.3g, \"width_deg\": %.4g, \"shape_misfit\": %.3g, ",
+                it->l.s.sigma_radiance, it->l.width * 57.29577951308232, it->l.s.misfit);
+        fprintf(o, "\"candela\": %.4g, \"lumen\": %.4g, ", lum * area(l, f),
+                3.14159265358979 * lum * surface(l));
     }
     if (it->fate == TAKEN || it->fate == UNEXPLAINED) {
         fprintf(o, "\"model\": ");
         text(o, it->best.n ? it->best.name : "nothing hides it");
-        fprintf(o, ", \"error\": %.4g, \"error_of_interpolation\": %.4g, ", it->best.error, it->interpolation);
+        fprintf(o, ", \"error\": %.4g, \"error_of_interpolation\": %.4g, ", it->best.error,
+                it->interpolation);
         if (it->best.height > 0) fprintf(o, "\"height\": %.4g, ", it->best.height);
         masks(o, l, &f->frame);
     }
@@ -118,7 +122,9 @@ int report_write(const char *path, const char *input, const analysis *a, errmsg 
     FILE *o = out_stream(out);
     fprintf(o, "{\n  \"input\": ");
     text(o, input);
-    fprintf(o, ",\n  \"probes\": [%d, %d], \"texels\": [%d, %d], \"spots\": %d, \"stray_spots\": %d, \"cpu_s\": %.2f,\n  \"lamps\": [\n",
+    fprintf(o,
+            ",\n  \"probes\": [%d, %d], \"texels\": [%d, %d], \"spots\": %d, \"stray_spots\": %d, \"cpu_s\": "
+            "%.2f,\n  \"lamps\": [\n",
             a->f.nu, a->f.nv, a->f.nt, a->f.np, a->spots, a->stray, a->cpu_s);
     for (int i = 0; i < a->n; i++) {
         one_lamp(o, &a->lamps[i], &a->f);

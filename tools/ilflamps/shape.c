@@ -1,12 +1,12 @@
 /*
- * shape.c - what a lamp looks like.  Second moments of its spots give a first size and orientation; then spheres, rectangles,
- * discs and tubes are fitted to the texels themselves (Levenberg-Marquardt on texel values, each probe with an amplitude of its
- * own), and the simplest that explains them is taken: a sphere unless another is better by a tenth.
+ * shape.c - what a lamp looks like.  Second moments of its spots give a first size and orientation; then
+ * spheres, rectangles, discs and tubes are fitted to the texels themselves (Levenberg-Marquardt on texel
+ * values, each probe with an amplitude of its own), and the simplest that explains them is taken: a sphere
+ * unless another is better by a tenth.
  */
 #include "shape.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -15,7 +15,11 @@
 
 enum { MOST_PROBES = 32, PARAMS = 9 };
 
-#define SURE .03 /* rms misfit below which a sphere needs no rival */
+#define NEARLY .75 /* of the largest flux x distance^2: may be all of a lamp; the fit weeds */
+#define ALL_BUT                                                                                              \
+    .9 /* the same for lamps of many texels, whose shape a hidden corner spoils more than foreshortening */
+#define ROUNDISH .2  /* rms misfit below which a sphere says which probes see all of the lamp */
+#define SURE     .03 /* rms misfit below which a sphere needs no rival */
 
 /* centre 0-2, log sizes 3 and 4, turn about the frame's third axis 5, first 6, second 7 */
 typedef struct trial {
@@ -68,7 +72,8 @@ static double residuals(double *r, const trial *t, const work *w)
         const patch *p = &w->p[i];
         double yc = 0, cc = 1e-30, yy = 1e-30;
         for (int j = 0; j < p->n; j++)
-            yc += p->sr[j] * p->lum[j] * p->cover[j], cc += p->sr[j] * p->cover[j] * p->cover[j], yy += p->sr[j] * p->lum[j] * p->lum[j];
+            yc += p->sr[j] * p->lum[j] * p->cover[j], cc += p->sr[j] * p->cover[j] * p->cover[j],
+                yy += p->sr[j] * p->lum[j] * p->lum[j];
         for (int j = 0; j < p->n; j++, k++) {
             r[k] = sqrt(p->sr[j] / yy) * (p->lum[j] - yc / cc * p->cover[j]);
             sum += r[k] * r[k];
@@ -109,7 +114,8 @@ static int fit(trial *t, const work *w)
         double JJ[PARAMS][PARAMS] = {{0}}, Jr[PARAMS] = {0}, step[PARAMS];
         for (int k = 0; k < n; k++) {
             double *col = r + (size_t)w->texels * (size_t)(k + 1);
-            const double fine = t->shape == ILF_SPHERE ? .2 : 1, h = fine * (list[k] < 3 ? .15 * w->unit : .08);
+            const double fine = t->shape == ILF_SPHERE ? .2 : 1,
+                         h = fine * (list[k] < 3 ? .15 * w->unit : .08);
             trial q = *t;
             q.p[list[k]] += h;
             residuals(col, &q, w);
@@ -128,8 +134,7 @@ static int fit(trial *t, const work *w)
             memcpy(a, JJ, sizeof a);
             for (int k = 0; k < n; k++) a[k][k] += damp * JJ[k][k] + 1e-12;
             solve(step, a, Jr, n);
-            for (int k = 0; k < n; k++)
-                q.p[list[k]] += list[k] < 3 ? step[k] : fmax(-.5, fmin(.5, step[k]));
+            for (int k = 0; k < n; k++) q.p[list[k]] += list[k] < 3 ? step[k] : fmax(-.5, fmin(.5, step[k]));
             q.misfit = residuals(r + (size_t)w->texels, &q, w);
             better = q.misfit < t->misfit;
             damp *= better ? .3 : 8;
@@ -163,7 +168,8 @@ static void stand(trial *t, const double n[3], const double cov[3][3], double tu
     const double grow = t->shape == ILF_RECTANGLE ? sqrt(3) : 2;
     t->p[3] = log(grow * (t->shape == ILF_RECTANGLE ? big : sqrt(.5 * (big * big + small * small))));
     t->p[4] = log(grow * small);
-    if (t->shape == ILF_RECTANGLE && fabs(turn) > .1) t->p[3] = t->p[4] = log(grow * sqrt(.5 * (big * big + small * small)));
+    if (t->shape == ILF_RECTANGLE && fabs(turn) > .1)
+        t->p[3] = t->p[4] = log(grow * sqrt(.5 * (big * big + small * small)));
 }
 
 static void tube(trial *t, const double cov[3][3])
@@ -215,23 +221,27 @@ static int by_flux(const void *a, const void *b)
     return (x < y) - (x > y);
 }
 
-/* Probes that see all of the lamp: of its flux x distance^2, most.  Returns their number; which: most MOST_PROBES, spread. */
-static int whole(const blob **which, int *chosen, const centre *c, int number, const bloblist *l, const lightfield *f)
+/* Probes that see all of the lamp: of its flux x distance^2, most.  Returns their number; which: most
+ * MOST_PROBES, spread. */
+static int whole(const blob **which, int *chosen, const centre *c, int number, const bloblist *l,
+                 const lightfield *f)
 {
     const blob **all = malloc((size_t)(l->n + 1) * sizeof *all);
     double *flux = malloc((size_t)(l->n + 1) * sizeof *flux);
-    int n = 0, full = 0;
+    int n = 0, full = 0, wide = 0;
 
     for (int i = 0; all && flux && i < l->n; i++) {
         double e[3];
         if (l->b[i].lamp != number) continue;
         v_sub(e, c->at, f->pos[l->b[i].probe]);
+        wide += l->b[i].reach > 3 * patch_texel(f, l->b[i].dir) ? 1 : -1;
         flux[n++] = l->b[i].flux * v_dot(e, e);
     }
+    wide = wide > 0;
     *chosen = 0;
     if (n) {
         qsort(flux, (size_t)n, sizeof *flux, by_flux);
-        const double least = .9 * flux[n / 20];
+        const double least = (wide ? ALL_BUT : NEARLY) * flux[n / 20];
         for (int i = 0; i < l->n; i++) {
             double e[3];
             if (l->b[i].lamp != number) continue;
@@ -245,10 +255,23 @@ static int whole(const blob **which, int *chosen, const centre *c, int number, c
     return full;
 }
 
-/* Keep the probes whose light agrees with the largest, once the body says how large it looks from each. */
-static void only_whole(work *w, const trial *t)
+/* How badly a body explains one probe's texels, its amplitude free: 0 to 1. */
+static double own_misfit(const patch *p)
 {
-    double v[MOST_PROBES], sorted[MOST_PROBES];
+    double yc = 0, cc = 1e-30, yy = 1e-30;
+
+    for (int j = 0; j < p->n; j++) {
+        yc += p->sr[j] * p->lum[j] * p->cover[j], cc += p->sr[j] * p->cover[j] * p->cover[j];
+        yy += p->sr[j] * p->lum[j] * p->lum[j];
+    }
+    return sqrt(fmax(0, 1 - yc * yc / (cc * yy)));
+}
+
+/* Keep the probes whose light agrees with the largest, once the body says how large it looks from each; 1 if
+ * some went. */
+static int only_whole(work *w, const trial *t)
+{
+    double v[MOST_PROBES], sorted[MOST_PROBES], own[MOST_PROBES];
     ilf_luminaire l;
     int kept = 0;
 
@@ -257,12 +280,20 @@ static void only_whole(work *w, const trial *t)
         v[i] = 0;
         for (int j = 0; j < w->p[i].n; j++) v[i] += w->p[i].sr[j] * w->p[i].lum[j];
         v[i] /= ilf_luminaire_omega(&l, w->f->pos[w->p[i].probe]);
+        patch_cover(&w->p[i], w->f, &l, w->S);
+        sorted[i] = own[i] = own_misfit(&w->p[i]);
+    }
+    qsort(sorted, (size_t)w->n, sizeof *sorted, by_flux); /* largest first */
+    const double good = fmax(.02, 2.5 * sorted[w->n - 1 - w->n / 4]);
+    for (int i = 0; i < w->n; i++) {
+        if (own[i] > good) v[i] = 0;
         sorted[i] = v[i];
     }
     qsort(sorted, (size_t)w->n, sizeof *sorted, by_flux);
     const double least = .975 * sorted[w->n > 8 ? 2 : w->n > 4 ? 1 : 0];
     for (int i = 0; i < w->n; i++) kept += v[i] >= least;
-    if (kept < 4) return;
+    if (kept < 3) return 0;
+    if (kept == w->n) return 0;
     kept = 0, w->texels = 0;
     for (int i = 0; i < w->n; i++) {
         const patch p = w->p[i];
@@ -274,6 +305,7 @@ static void only_whole(work *w, const trial *t)
         w->p[kept++] = p, w->texels += p.n;
     }
     w->n = kept;
+    return 1;
 }
 
 /* Radiance of the lamp from the probes that see all of it. */
@@ -314,8 +346,7 @@ int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const
     int bad = 0, chosen, best = 0;
 
     memset(s, 0, sizeof *s);
-    s->full = whole(which, &chosen, c, number, list, f);
-    if (s->full < 3) return 1;
+    if (whole(which, &chosen, c, number, list, f) < 3) return 1;
     moments_covariance(cov, which, chosen, c->at, f);
     for (int i = 0; i < chosen; i++) {
         cone = fmax(cone, which[i]->reach);
@@ -328,19 +359,25 @@ int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const
     w.S = cone > 6 * texel ? 4 : cone > 3 * texel ? 6 : 10;
     w.unit = fmax(.25 * texel * far, .25 * wide * far);
     const int n = trials(t, c->at, cov, towards, wide < 1.2 * texel);
-    for (int k = 0; k < n && !bad; k++) {
-        if (w.texels) bad = fit(&t[k], &w);
-        if (getenv("ILFLAMPS_TALK")) printf("  trial %d shape %d misfit %.5f size %.5f %.5f at %.4f %.4f %.4f of %d full %d\n", k, (int)t[k].shape, sqrt(t[k].misfit / w.n), exp(t[k].p[3]), exp(t[k].p[4]), t[k].p[0], t[k].p[1], t[k].p[2], w.n, s->full);
-        if (!k && t[0].misfit < w.n * SURE * SURE) break; /* nothing to be gained */
-        if (k && t[k].misfit < .81 * t[0].misfit && (!best || t[k].misfit < .98 * t[best].misfit)) best = k;
+    for (int pass = 0; pass < 3 && !bad && w.texels; pass++) {
+        best = 0;
+        for (int k = 0; k < n && !bad; k++) {
+            bad = fit(&t[k], &w);
+            if (!k && (t[0].misfit < w.n * SURE * SURE ||
+                       (pass < 2 && t[0].misfit < w.n * ROUNDISH * ROUNDISH && only_whole(&w, &t[0]))))
+                break;
+            if (k && t[k].misfit < .81 * t[0].misfit && (!best || t[k].misfit < .98 * t[best].misfit))
+                best = k;
+        }
+        if (t[best].misfit < w.n * SURE * SURE || (best && !only_whole(&w, &t[best]))) break;
     }
     if (!bad && w.texels) {
-        only_whole(&w, &t[best]);
+        (void)only_whole(&w, &t[best]);
         w.S = w.S < 8 ? 8 : 16;
         bad = fit(&t[best], &w);
         body(&s->l, &t[best]);
         s->l.far = c->far;
-        s->misfit = sqrt(t[best].misfit / w.n);
+        s->misfit = sqrt(t[best].misfit / w.n), s->full = w.n;
         radiance(s, &w);
     }
     for (int i = 0; i < w.n; i++) patch_free(&patches[i]);

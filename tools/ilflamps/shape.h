@@ -9,14 +9,15 @@
 #include "patch.h"
 
 typedef struct shape {
-    ilf_luminaire l;    /* without masks; rgb set */
-    double radiance;    /* luminance of rgb */
-    double misfit;      /* rms of texels' misfit over their rms, over the probes that see all of it */
-    int full;           /* probes that see all of it */
+    ilf_luminaire l;       /* without masks; rgb set */
+    double radiance;       /* luminance of rgb */
+    double misfit;         /* rms of texels' misfit over their rms, over the probes that see all of it */
+    int full;              /* probes that see all of it */
     double sigma_radiance; /* relative standard error */
 } shape;
 
-/* Fit lamp number `number`.  Returns 0; 1 where it can't be told (too few probes see it whole); -1 without memory. */
+/* Fit lamp number `number`.  Returns 0; 1 where it can't be told (too few probes see it whole); -1 without
+ * memory. */
 int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const lightfield *f, double limit);
 
 #endif

@@ -1,7 +1,7 @@
 /*
- * sheet.c - one sheet (a card) that hides a lamp.  Heights are tried from low to high: at each, the mask that follows the pictures' mean
- * and the rows of three quarters of the probes is judged by the rows of the fourth.  From the best heights an outline is drawn sharp,
- * which also sets height and slopes.
+ * sheet.c - one sheet (a card) that hides a lamp.  Heights are tried from low to high: at each, the mask that
+ * follows the pictures' mean and the rows of three quarters of the probes is judged by the rows of the
+ * fourth.  From the best heights an outline is drawn sharp, which also sets height and slopes.
  */
 #include <math.h>
 #include <stdio.h>
@@ -13,8 +13,8 @@
 #include "sheetgrid.h"
 
 enum { HEIGHTS = 16, COARSE = 40, FINE = 112, STARTS = 2 };
-#define ABOVE .45  /* sizes of the plane beyond its edges that a sheet must cover */
-#define STIFF 3
+#define ABOVE   .45 /* sizes of the plane beyond its edges that a sheet must cover */
+#define STIFF   3
 #define OBLIQUE .93
 
 typedef struct job {
@@ -60,7 +60,8 @@ static double height_error(const job *j, double h)
 }
 
 /* The sheet that starts at a plane, without the probes of a fold. */
-static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, const sheetgrid *from, const backview *b, int moves)
+static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, const sheetgrid *from,
+                      const backview *b, int moves)
 {
     sheetgrid g = *from;
     outline o = {0};
@@ -74,7 +75,8 @@ static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, con
         bad = walker(M, B, &g, rows, j->l->nrows, j->f, fold, STIFF);
     }
     if (!bad) bad = outline_trace(&o, M, &g);
-    for (int round = 0; round < 4 && !bad; round++) bad = outline_settle(&o, j->f, fold, round < 1 ? 1 : moves);
+    for (int round = 0; round < 4 && !bad; round++)
+        bad = outline_settle(&o, j->f, fold, round < 1 ? 1 : moves);
     if (!bad) {
         sheetgrid_make(&g, o.plane, j->l->s.l.centre, j->f, ABOVE, FINE);
         bad = outline_mask(mask, &o, &g);
@@ -95,23 +97,22 @@ static int sheet_from(model *m, const job *j, const double start[3], int moves)
     sheetgrid_make(&g, start, j->l->s.l.centre, j->f, ABOVE, FINE);
     if (backview_make(&b, &g, j->f)) return -1;
     int bad = sheet_once(&m->m[ALL][m->n], &o, j, ALL, &g, &b, moves);
-    for (int fold = 0; fold < FOLDS && !bad; fold++) bad = sheet_once(&m->m[fold][m->n], NULL, j, fold, &g, &b, moves);
+    for (int fold = 0; fold < FOLDS && !bad; fold++)
+        bad = sheet_once(&m->m[fold][m->n], NULL, j, fold, &g, &b, moves);
     backview_free(&b);
     if (bad) return outline_free(&o), bad;
-    const double sure = o.sure, scatter = o.scatter;
+    const double sure = o.sure;
     m->height = o.plane[0] + (o.plane[1] * j->f->len_u + o.plane[2] * j->f->len_v) / 2;
     outline_free(&o);
     m->n++;
     m->saw = sure > .5;
     model_judge(m, j->l, j->f);
-    if (getenv("ILFLAMPS_TALK"))
-        fprintf(stderr, "    sheet from %.3f (%d): plane %.4f %.4f %.4f error %.4f sure %.2f scatter %.3f\n", start[0], moves, m->m[ALL][m->n - 1].plane[0],
-                m->m[ALL][m->n - 1].plane[1], m->m[ALL][m->n - 1].plane[2], m->error, sure, scatter);
     return 0;
 }
 
 /* A sheet from a start becomes the best if its error is below `part` of the best's so far. */
-static int attempt(model *best, int *any, const model *base, const job *j, const double start[3], int moves, double part)
+static int attempt(model *best, int *any, const model *base, const job *j, const double start[3], int moves,
+                   double part)
 {
     model t;
 
@@ -120,8 +121,7 @@ static int attempt(model *best, int *any, const model *base, const job *j, const
     if (!r && (!*any || t.error < part * best->error)) {
         model_free(best);
         *best = t, *any = 1;
-    } else
-        model_free(&t);
+    } else model_free(&t);
     return r < 0 ? -1 : 0;
 }
 
@@ -140,7 +140,9 @@ int layers_sheet(model *m, const lamp *l, const lightfield *f, const pictures *p
     for (int s = 0; s < STARTS; s++) {
         int k = -1;
         for (int q = 0; q < HEIGHTS; q++)
-            if (!tried[q] && (q == 0 || e[q] <= e[q - 1] || tried[q - 1]) && (q + 1 == HEIGHTS || e[q] <= e[q + 1] || tried[q + 1]) && (k < 0 || e[q] < e[k])) k = q;
+            if (!tried[q] && (q == 0 || e[q] <= e[q - 1] || tried[q - 1]) &&
+                (q + 1 == HEIGHTS || e[q] <= e[q + 1] || tried[q + 1]) && (k < 0 || e[q] < e[k]))
+                k = q;
         if (k < 0 || (s && e[k] > 2.5 * lowest)) break;
         if (!s) lowest = e[k];
         tried[k] = 1;

@@ -22,7 +22,8 @@ static int crossing(double x[2], const double plane[3], const double p[3], const
     return 1;
 }
 
-void sheetgrid_make(sheetgrid *g, const double plane[3], const double top[3], const lightfield *f, double above, int cells)
+void sheetgrid_make(sheetgrid *g, const double plane[3], const double top[3], const lightfield *f,
+                    double above, int cells)
 {
     double lo[2] = {1e30, 1e30}, hi[2] = {-1e30, -1e30};
     const double m = above * f->size;
@@ -49,7 +50,8 @@ int backview_make(backview *b, const sheetgrid *g, const lightfield *f)
 {
     const int cells = g->nx * g->ny, step = (f->n + MOST_PICTURES - 1) / MOST_PICTURES;
 
-    b->sum = calloc((size_t)cells * FOLDS, sizeof *b->sum), b->count = calloc((size_t)cells * FOLDS, sizeof *b->count);
+    b->sum = calloc((size_t)cells * FOLDS, sizeof *b->sum),
+    b->count = calloc((size_t)cells * FOLDS, sizeof *b->count);
     if (!b->sum || !b->count) {
         backview_free(b);
         return -1;
@@ -92,7 +94,8 @@ void backview_mean(double *out, const backview *b, const sheetgrid *g, int fold)
 
 static void add_term(cellrow *r, const sheetgrid *g, const double x[2], double w)
 {
-    const double s = fmax(0, fmin(g->nx - 1.001, (x[0] - g->x0) / g->cell)), t = fmax(0, fmin(g->ny - 1.001, (x[1] - g->y0) / g->cell));
+    const double s = fmax(0, fmin(g->nx - 1.001, (x[0] - g->x0) / g->cell)),
+                 t = fmax(0, fmin(g->ny - 1.001, (x[1] - g->y0) / g->cell));
     const int i = (int)s, j = (int)t;
 
     for (int k = 0; k < 4; k++) {
@@ -101,7 +104,8 @@ static void add_term(cellrow *r, const sheetgrid *g, const double x[2], double w
     }
 }
 
-int cellrows_make(cellrow *out, const sheetgrid *g, const lamp *l, const lightfield *f, const ilf_mask *base, int nbase)
+int cellrows_make(cellrow *out, const sheetgrid *g, const lamp *l, const lightfield *f, const ilf_mask *base,
+                  int nbase)
 {
     ilf_luminaire body = l->s.l;
 
@@ -114,7 +118,8 @@ int cellrows_make(cellrow *out, const sheetgrid *g, const lamp *l, const lightfi
         c->probe = r->probe, c->value = r->value, c->share = r->share;
         for (int q = 0; q < r->n; q++) {
             double end[3], x[2];
-            const double w = ilf_luminaire_pass(&body, o, r->dir[q]) / r->n, far = l->s.l.centre[2] / r->dir[q][2];
+            const double w = ilf_luminaire_pass(&body, o, r->dir[q]) / r->n,
+                         far = l->s.l.centre[2] / r->dir[q][2];
             for (int a = 0; a < 3; a++) end[a] = o[a] + far * r->dir[q][a];
             if (crossing(x, g->plane, o, end)) add_term(c, g, x, w);
             else c->rest += w;

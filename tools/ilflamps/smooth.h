@@ -1,7 +1,7 @@
 /*
- * smooth.h - hypotheses that know nothing of the pictures: interpolation, smooth masks, beams and gates.  Each appends one mask to the
- * five versions of `m` (which holds what is taken for true already) and judges it.  They return 0; 1 where they don't apply; -1
- * without memory.
+ * smooth.h - hypotheses that know nothing of the pictures: interpolation, smooth masks, beams and gates. Each
+ * appends one mask to the five versions of `m` (which holds what is taken for true already) and judges it.
+ * They return 0; 1 where they don't apply; -1 without memory.
  */
 #ifndef SMOOTH_H
 #define SMOOTH_H

@@ -1,7 +1,8 @@
 /*
- * stack.c - twigs and leaves: where nearly all probes see something dark, something is (a silhouette hull: Laurentini 1994), in sheets
- * one above the other between the plane and the lamp.  A place's opacity is the 12 % quantile over the probes of what their pictures show
- * there; how opaque is opaque is told by the lamp's rows.
+ * stack.c - twigs and leaves: where nearly all probes see something dark, something is (a silhouette hull:
+ * Laurentini 1994), in sheets one above the other between the plane and the lamp.  A place's opacity is the
+ * 12 % quantile over the probes of what their pictures show there; how opaque is opaque is told by the lamp's
+ * rows.
  */
 #include <math.h>
 #include <stdio.h>
@@ -12,9 +13,9 @@
 #include "vec.h"
 
 enum { COARSE = 72, COARSE_SHEETS = 24, FINE = 208, MOST_SHEETS = 36, KEPT = 16 };
-#define ABOVE .45
+#define ABOVE    .45
 #define QUANTILE .12
-#define CLEAR .2 /* an opacity below this is none */
+#define CLEAR    .2 /* an opacity below this is none */
 
 typedef struct job {
     const lamp *l;
@@ -146,7 +147,8 @@ static void opacities(double *o, ilf_mask *m, const job *j)
     m->coef[0] = 0, m->coef[1] = 1;
     for (int k = 0; k < j->l->nrows; k++)
         for (int q = 0; q < j->l->rows[k].n; q++) {
-            const double p = ilf_mask_pass(m, j->l->s.l.centre, j->f->pos[j->l->rows[k].probe], j->l->rows[k].dir[q]);
+            const double p =
+                ilf_mask_pass(m, j->l->s.l.centre, j->f->pos[j->l->rows[k].probe], j->l->rows[k].dir[q]);
             o[k * ROW_SAMPLES + q] = log((1 - p) / p);
         }
 }
@@ -165,7 +167,8 @@ static void calibrate(ilf_mask *m, double *o, const double *base, int fold, cons
                 const row *r = &j->l->rows[k];
                 double v = 0;
                 if (fold_of(j->f, r->probe) == fold) continue;
-                for (int q = 0; q < r->n; q++) v += base[k * ROW_SAMPLES + q] / (1 + exp((o[k * ROW_SAMPLES + q] - thr) / width));
+                for (int q = 0; q < r->n; q++)
+                    v += base[k * ROW_SAMPLES + q] / (1 + exp((o[k * ROW_SAMPLES + q] - thr) / width));
                 sum += r->share * (v / r->n - r->value) * (v / r->n - r->value);
             }
             if (sum < best) best = sum, at = thr, soft = width;
@@ -180,7 +183,8 @@ static void base_pass(double *base, const model *m, int fold, const job *j)
     b.nmasks = m->n, b.masks = (ilf_mask *)m->m[fold];
     for (int k = 0; k < j->l->nrows; k++)
         for (int q = 0; q < j->l->rows[k].n; q++)
-            base[k * ROW_SAMPLES + q] = ilf_luminaire_pass(&b, j->f->pos[j->l->rows[k].probe], j->l->rows[k].dir[q]);
+            base[k * ROW_SAMPLES + q] =
+                ilf_luminaire_pass(&b, j->f->pos[j->l->rows[k].probe], j->l->rows[k].dir[q]);
 }
 
 static int build(model *m, const job *j, double h0, double h1)
@@ -190,7 +194,8 @@ static int build(model *m, const job *j, double h0, double h1)
     const int wanted = (int)ceil(.6 * j->f->size * log(h1 / h0) / cell);
     const int sheets = wanted < 4 ? 4 : wanted > MOST_SHEETS ? MOST_SHEETS : wanted;
     ilf_mask *all[FOLDS + 1];
-    double *o = malloc((size_t)j->l->nrows * ROW_SAMPLES * 2 * sizeof *o), *base = o + (size_t)j->l->nrows * ROW_SAMPLES;
+    double *o = malloc((size_t)j->l->nrows * ROW_SAMPLES * 2 * sizeof *o),
+           *base = o + (size_t)j->l->nrows * ROW_SAMPLES;
 
     if (!o) return -1;
     for (int s = 0; s <= FOLDS; s++) {
@@ -202,7 +207,6 @@ static int build(model *m, const job *j, double h0, double h1)
     free(o);
     m->n++, m->saw = 1, m->height = 2 / (1 / h0 + 1 / h1);
     model_judge(m, j->l, j->f);
-    if (getenv("ILFLAMPS_TALK")) fprintf(stderr, "    stack %.3f to %.3f, %d sheets, threshold %.2f soft %.2f error %.4f\n", h0, h1, sheets, all[ALL]->coef[0], all[ALL]->coef[1], m->error);
     return 0;
 }
 

@@ -37,7 +37,8 @@ void surroundings_free(surroundings *s)
 /* Directions of the map's nodes: columns round, rows from the pole to the horizon (both ends included). */
 static void node(double d[3], int k)
 {
-    const double t = 2 * pi * (k % COLUMNS) / COLUMNS - pi, p = pi / 2 * fmin(k / COLUMNS, ROWS - 1.02) / (ROWS - 1);
+    const double t = 2 * pi * (k % COLUMNS) / COLUMNS - pi,
+                 p = pi / 2 * fmin(k / COLUMNS, ROWS - 1.02) / (ROWS - 1);
 
     d[0] = sin(p) * cos(t), d[1] = sin(p) * sin(t), d[2] = cos(p);
 }
@@ -51,10 +52,13 @@ void surroundings_meet(double x[3], const surroundings *s, const double o[3], co
         const double far = v_len(e), use = far > 1e-9;
         const double *g = use > 0 ? e : d;
         const double px = (atan2(g[1], g[0]) + pi) / (2 * pi) * COLUMNS, r = hypot(g[0], g[1]);
-        const double py = fmin(atan2(r, fmax(0, g[2])) / (pi / 2) * (ROWS - 1), ROWS - 1.001), a = px - floor(px), b = py - floor(py);
+        const double py = fmin(atan2(r, fmax(0, g[2])) / (pi / 2) * (ROWS - 1), ROWS - 1.001),
+                     a = px - floor(px), b = py - floor(py);
         const int i = (int)px % COLUMNS, i1 = (i + 1) % COLUMNS, j = (int)py;
-        const double R = (1 - b) * ((1 - a) * (double)s->far[j * COLUMNS + i] + a * (double)s->far[j * COLUMNS + i1]) +
-                         b * ((1 - a) * (double)s->far[(j + 1) * COLUMNS + i] + a * (double)s->far[(j + 1) * COLUMNS + i1]);
+        const double R =
+            (1 - b) * ((1 - a) * (double)s->far[j * COLUMNS + i] + a * (double)s->far[j * COLUMNS + i1]) +
+            b * ((1 - a) * (double)s->far[(j + 1) * COLUMNS + i] +
+                 a * (double)s->far[(j + 1) * COLUMNS + i1]);
         t += R - far;
     }
     for (int c = 0; c < 3; c++) x[c] = o[c] + t * d[c];
@@ -93,14 +97,16 @@ int surroundings_from(surroundings *s, const char *octree, const lightfield *f, 
         double d[3], r[6];
         node(d, k);
         for (int c = 0; c < 3; c++) {
-            r[c] = fr->origin[c] + s->centre[0] * fr->u[c] + s->centre[1] * fr->v[c] + 1e-4 * f->size * fr->n[c];
+            r[c] =
+                fr->origin[c] + s->centre[0] * fr->u[c] + s->centre[1] * fr->v[c] + 1e-4 * f->size * fr->n[c];
             r[3 + c] = d[0] * fr->u[c] + d[1] * fr->v[c] + d[2] * fr->n[c];
         }
         if (fwrite(r, sizeof r, 1, in) != 1) bad = err_errno(e, "temporary file");
     }
     if (!bad && (fflush(in) || fseek(in, 0, SEEK_SET))) bad = err_errno(e, "temporary file");
     if (!bad) bad = run_rtrace(in, out, octree, e);
-    if (!bad && (fseek(out, 0, SEEK_SET) || fread(s->far, sizeof *s->far, COLUMNS * ROWS, out) != COLUMNS * ROWS))
+    if (!bad &&
+        (fseek(out, 0, SEEK_SET) || fread(s->far, sizeof *s->far, COLUMNS * ROWS, out) != COLUMNS * ROWS))
         bad = err_set(e, "%s: expected %d distances from rtrace, found fewer", octree, COLUMNS * ROWS);
     for (int k = 0; k < COLUMNS * ROWS && !bad; k++)
         if (!(s->far[k] > 0) || s->far[k] > 1e6f * (float)f->size) s->far[k] = 1e3f * (float)f->size;
@@ -138,7 +144,8 @@ static double mismatch(surroundings *s, const double b[5], const lightfield *f)
         surroundings_meet(x, s, f->pos[i], d);
         v_sub(e, x, f->pos[j]);
         lf_place(&px, &py, f, d), lf_place(&qx, &qy, f, e);
-        sum += fmin(.3, fabs(log(fmax(1e-9, lf_look(f, i, px, py)) / fmax(1e-9, lf_look(f, j, qx, qy))))), n++;
+        sum += fmin(.3, fabs(log(fmax(1e-9, lf_look(f, i, px, py)) / fmax(1e-9, lf_look(f, j, qx, qy))))),
+            n++;
     }
     return sum / n;
 }

@@ -1,6 +1,6 @@
 /*
- * walker.c - a mask that follows the pictures' edges and the lamp's rows: a random walker (Grady 2006) whose data are the rows,
- * solved by conjugate gradients with a diagonal preconditioner.
+ * walker.c - a mask that follows the pictures' edges and the lamp's rows: a random walker (Grady 2006) whose
+ * data are the rows, solved by conjugate gradients with a diagonal preconditioner.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -8,9 +8,9 @@
 
 #include "sheetgrid.h"
 
-#define FLOOR 4e-3      /* least weight between cells */
-#define CLEAR 3e-4      /* pull towards letting light through, where nothing else is known */
-#define EDGE_PART .85   /* quantile of the picture's steps that counts as an edge's beginning */
+#define FLOOR     4e-3 /* least weight between cells */
+#define CLEAR     3e-4 /* pull towards letting light through, where nothing else is known */
+#define EDGE_PART .85  /* quantile of the picture's steps that counts as an edge's beginning */
 
 typedef struct system {
     const sheetgrid *g;
@@ -122,7 +122,8 @@ static void conjugate_gradients(double *x, const system_t *s, double *work, int 
     }
 }
 
-int walker(double *M, const double *B, const sheetgrid *g, const cellrow *rows, int nrows, const lightfield *f, int fold, double stiff)
+int walker(double *M, const double *B, const sheetgrid *g, const cellrow *rows, int nrows,
+           const lightfield *f, int fold, double stiff)
 {
     const int cells = g->nx * g->ny;
     double *work = malloc((size_t)cells * 7 * sizeof *work);
