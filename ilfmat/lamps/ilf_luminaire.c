@@ -208,8 +208,8 @@ static double sample_rectangle(double d[3], const double a[3], const double b[3]
     if (z0 > -1e-12 * (la + lb)) return 0;
     const double x0 = dot(e, x) - la, x1 = x0 + 2 * la, y0 = dot(e, y) - lb, y1 = y0 + 2 * lb;
     /* z components of the normals of the four sides' planes */
-    const double n0 = y0 / sqrt(z0 * z0 + y0 * y0), n1 = -x1 / sqrt(z0 * z0 + x1 * x1);
-    const double n2 = -y1 / sqrt(z0 * z0 + y1 * y1), n3 = x0 / sqrt(z0 * z0 + x0 * x0);
+    const double n0 = -y0 / sqrt(z0 * z0 + y0 * y0), n1 = x1 / sqrt(z0 * z0 + x1 * x1);
+    const double n2 = y1 / sqrt(z0 * z0 + y1 * y1), n3 = -x0 / sqrt(z0 * z0 + x0 * x0);
     const double g0 = acos(bounded(-n0 * n1, -1, 1)), g1 = acos(bounded(-n1 * n2, -1, 1));
     const double g2 = acos(bounded(-n2 * n3, -1, 1)), g3 = acos(bounded(-n3 * n0, -1, 1));
     const double k0 = 2 * pi - g2 - g3, omega = g0 + g1 - k0;

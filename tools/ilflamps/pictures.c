@@ -10,9 +10,10 @@
 #include "vec.h"
 
 enum { WITNESSES = 15 };
-#define PART .4f /* of a texel's darkening that counts as all: what is thinner than a texel must not vanish  \
-                  */
-#define LOWEST .15 /* z of directions looked at: lower ones hardly matter, and walls are seen obliquely */
+/* Part of a texel's darkening that counts as all: what is thinner than a texel must not vanish. */
+#define PART .4f
+/* z of directions looked at: lower ones hardly matter, and walls are seen obliquely. */
+#define LOWEST .15
 
 static int by_value(const void *a, const void *b)
 {
