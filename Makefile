@@ -42,10 +42,10 @@ endif
 endif
 , := ,
 SANFLAGS   := $(if $(SAN),-fsanitize=address$(,)undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
-CPPFLAGS   += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -Itools -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
-CFLAGS     += -std=c11 $(OPT) $(WARN) $(SANFLAGS) $(OPENMP) -MMD -MP
-CXXFLAGS   += -std=c++17 $(OPT) -Wall -Wextra -Wshadow $(WERROR) $(SANFLAGS) -MMD -MP
-LDFLAGS    += $(SANFLAGS) $(OPENMP) -Wl,--as-needed
+override CPPFLAGS += -D_GNU_SOURCE -DILF_VERSION='"$(VERSION)"' -Icommon -Iilfmat -Itools -isystem /usr/include/OpenEXR -isystem /usr/include/Imath
+override CFLAGS   += -std=c11 $(OPT) $(WARN) $(SANFLAGS) $(OPENMP) -MMD -MP
+override CXXFLAGS += -std=c++17 $(OPT) -Wall -Wextra -Wshadow $(WERROR) $(SANFLAGS) -MMD -MP
+override LDFLAGS  += $(SANFLAGS) $(OPENMP) -Wl,--as-needed
 LIBS_ILF   := -lOpenEXRCore -lOpenEXR -lpthread -lm
 LIBS_IMAGE := -lOpenEXRCore -lOpenEXR -lImath -lIex -lpng -ljpeg -ltiff -lraw_r -lz -lstdc++ -lpthread -lm
 LIBS_VISION := -lopencv_video -lopencv_imgproc -lopencv_core
@@ -58,8 +58,8 @@ PROGRAMS_stagectl  := stagectl
 PROGRAMS_twin      := virtualstage virtualcamera
 PROGRAMS_ilflamps  := ilflamps
 LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
-LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack
-LIBS_stagectl      := -lutil -lexif
+LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack -ljansson
+LIBS_stagectl      := -lutil -lexif -lcrypto
 LIBS_ilflamps      := -llapacke -llapack
 LIBS_twin          := $(LIBS_stagectl)
 # the tool whose parts another stands on: the virtual stage speaks the real one's language
@@ -74,11 +74,26 @@ TOOL_PROGRAMS := $(foreach t,$(TOOLS),$(call have,$(t),tools/$(t)))
 .PHONY: all radiance tools demo test bench install clean help env deps deps-radiance deps-tools deps-test man
 all: radiance tools man
 
+# A change of compiler or flags rebuilds what it touches: what each kind of object was made with is kept in a file.
+define remembered
+FLAGS_$(1) := $$(strip $$(filter-out -Werror,$(2)))
+ifneq ($$(file <$(B)/flags/$(1)),$$(FLAGS_$(1)))
+.PHONY: $(B)/flags/$(1)
+endif
+$(B)/flags/$(1):
+	@mkdir -p $$(@D) && printf '%s\n' '$$(subst ','\'',$$(FLAGS_$(1)))' >$$@
+endef
+$(eval $(call remembered,c,$$(CC) $$(CPPFLAGS) $$(CFLAGS)))
+$(eval $(call remembered,cxx,$$(CXX) $$(CPPFLAGS) $$(CXXFLAGS)))
+$(eval $(call remembered,ld,$$(CC) $$(LDFLAGS)))
+# what a program is linked of
+PARTS = $(filter %.o %.a,$^)
+
 # ---- what a machine needs --------------------------------------------------------------------------
 DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
-DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev \
+DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev libssl-dev libjansson-dev \
 	libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
-DEBS_TEST     := gphoto2
+DEBS_TEST     := gphoto2 openexr pkg-config
 deps: deps-radiance deps-tools deps-test
 deps-radiance: $(B0)/.debs-radiance
 deps-tools: $(B0)/.debs-tools
@@ -107,31 +122,46 @@ $(VENV)/.packages: setup/requirements.txt $(VENV)/.made
 COMMON_SRC := $(wildcard common/base/*.c common/exr/*.c common/image/*.c common/image/*.cpp)
 COMMON_OBJ := $(patsubst %,$(B)/obj/%.o,$(basename $(COMMON_SRC)))
 VISION_OBJ := $(patsubst %.cpp,$(B)/obj/%.o,$(wildcard common/vision/*.cpp))
-ILFLIB_SRC := $(wildcard ilfmat/file/*.c ilfmat/lookup/*.c ilfmat/sampling/*.c ilfmat/lamps/*.c)
+# common/exr knows OpenEXR's bytes, for libilf and for the pictures
+ILFLIB_SRC := $(wildcard common/exr/*.c ilfmat/file/*.c ilfmat/lookup/*.c ilfmat/sampling/*.c ilfmat/lamps/*.c)
 ILFLIB_OBJ := $(ILFLIB_SRC:%.c=$(B)/obj/%.o)
 LIBILF     := $(B)/lib/libilf.a
+# the shared library's number changes with its interface, not with each version of the programs
+ILF_ABI    := 0
+LIBILF_SO  := $(B)/lib/libilf.so.$(ILF_ABI)
 LIBCOMMON  := $(B)/obj/libcommon.a
 LIBVISION  := $(B)/obj/libvision.a
 
-$(B)/obj/%.o: %.c | $(B0)/.debs-tools
+$(B)/obj/%.o: %.c $(B)/flags/c | $(B0)/.debs-tools
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
 	$(Q)$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
-$(B)/obj/%.o: %.cpp | $(B0)/.debs-tools
+$(B)/obj/%.o: %.cpp $(B)/flags/cxx | $(B0)/.debs-tools
 	@mkdir -p $(@D)
 	@echo "  CXX $<"
 	$(Q)$(CXX) $(CPPFLAGS) $(CXXFLAGS) -c -o $@ $<
-$(B)/obj/common/vision/%.o: CPPFLAGS += -isystem /usr/include/opencv4
+$(B)/obj/common/vision/%.o: override CPPFLAGS += -isystem /usr/include/opencv4
 # libilf is all that rendering needs
-$(B)/obj/ilfmat/%.o: ilfmat/%.c | $(B0)/.debs-radiance
+$(ILFLIB_OBJ): $(B)/obj/%.o: %.c $(B)/flags/c | $(B0)/.debs-radiance
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
 	$(Q)$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
-$(PROGRAMS_ilfmat:%=$(B)/obj/ilfmat/programs/%.o): | $(B0)/.debs-tools
 
 $(LIBILF): $(ILFLIB_OBJ)
 	@mkdir -p $(@D) && rm -f $@
 	@ar rcs $@ $^
+# ilf.h's functions and nothing else can be seen in the shared one
+$(B)/pic/%.o: %.c $(B)/flags/c | $(B0)/.debs-radiance
+	@mkdir -p $(@D)
+	@echo "  CC  $< (shared)"
+	$(Q)$(CC) $(CPPFLAGS) $(CFLAGS) -fPIC -c -o $@ $<
+$(B)/pic/exports: ilfmat/ilf.h
+	@mkdir -p $(@D)
+	@{ echo "{ global:"; sed -n 's/^[a-z][^(]*[ *]\(ilf_[a-z0-9_]*\)(.*/\1;/p' $< | grep -v '^static'; echo "local: *; };"; } >$@
+$(LIBILF_SO): $(ILFLIB_SRC:%.c=$(B)/pic/%.o) $(B)/pic/exports $(B)/flags/ld
+	@mkdir -p $(@D)
+	@echo "  LD  $(@F)"
+	$(Q)$(CC) $(LDFLAGS) -shared -Wl,-soname,$(@F) -Wl,--version-script,$(B)/pic/exports $(if $(SAN),,-Wl$(,)-z$(,)defs) -o $@ $(PARTS) $(LIBS_ILF)
 $(LIBCOMMON): $(COMMON_OBJ)
 	@mkdir -p $(@D) && rm -f $@
 	@ar rcs $@ $^
@@ -141,22 +171,22 @@ $(LIBVISION): $(VISION_OBJ)
 	@ar rcs $@ $^
 
 # ---- our programs ----------------------------------------------------------------------------------
-tools: $(ILF_PROGRAMS:%=$(B)/bin/%) $(TOOL_PROGRAMS:%=$(B)/bin/%)
+tools: $(ILF_PROGRAMS:%=$(B)/bin/%) $(TOOL_PROGRAMS:%=$(B)/bin/%) $(LIBILF_SO)
 
-$(ILF_PROGRAMS:%=$(B)/bin/%): $(B)/bin/%: $(B)/obj/ilfmat/programs/%.o $(LIBCOMMON) $(LIBILF)
+$(ILF_PROGRAMS:%=$(B)/bin/%): $(B)/bin/%: $(B)/obj/ilfmat/programs/%.o $(LIBCOMMON) $(LIBILF) $(B)/flags/ld
 	@mkdir -p $(@D)
 	@echo "  LD  $(@F)"
-	$(Q)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
+	$(Q)$(CC) $(LDFLAGS) -o $@ $(PARTS) $(LIBS_IMAGE)
 
 define tool_rules
 $(1)_PARTS := $$(patsubst tools/%,$(B)/obj/tools/%.o,$$(basename $$(filter-out $$(PROGRAMS_$(1):%=tools/$(1)/%.c),$$(wildcard tools/$(1)/*.c))))
 $(B)/obj/lib$(1).a: $$($(1)_PARTS)
 	@mkdir -p $$(@D) && rm -f $$@
 	@ar rcs $$@ $$^
-$$(patsubst %,$(B)/bin/%,$(call have,$(1),tools/$(1))): $(B)/bin/%: $(B)/obj/tools/$(1)/%.o $(B)/obj/lib$(1).a $(UNDER_$(1):%=$(B)/obj/lib%.a) $(if $(findstring opencv,$(LIBS_$(1))),$(LIBVISION)) $(LIBCOMMON) $(LIBILF)
+$$(patsubst %,$(B)/bin/%,$(call have,$(1),tools/$(1))): $(B)/bin/%: $(B)/obj/tools/$(1)/%.o $(B)/obj/lib$(1).a $(UNDER_$(1):%=$(B)/obj/lib%.a) $(if $(findstring opencv,$(LIBS_$(1))),$(LIBVISION)) $(LIBCOMMON) $(LIBILF) $(B)/flags/ld
 	@mkdir -p $$(@D)
 	@echo "  LD  $$(@F)"
-	$(Q)$(CC) $(LDFLAGS) -o $$@ $$^ $$(LIBS_$(1)) $(LIBS_IMAGE)
+	$(Q)$(CC) $(LDFLAGS) -o $$@ $$(PARTS) $$(LIBS_$(1)) $(LIBS_IMAGE)
 endef
 $(foreach t,$(TOOLS),$(eval $(call tool_rules,$(t))))
 
@@ -172,23 +202,35 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
--include report/report.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
+-include report/report.mk tests/radiance_patch/stock.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
+-include docs/docs.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
 $(B)/test/falloffsim: LIBS_IMAGE += -llapacke -llapack
-$(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON) $(LIBILF)
+$(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON) $(LIBILF) $(B)/flags/ld
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_IMAGE)
+	@echo "  LD  $(@F)"
+	$(Q)$(CC) $(LDFLAGS) -o $@ $(PARTS) $(LIBS_IMAGE)
+
+# a tool's pure parts: numbers or text in, numbers or text out
+define parts_rule
+$(B)/test/$(1)parts: $(B)/obj/tests/$(1)/parts.o $(B)/obj/lib$(1).a $(UNDER_$(1):%=$(B)/obj/lib%.a) $(if $(findstring opencv,$(LIBS_$(1))),$(LIBVISION)) $(LIBCOMMON) $(LIBILF) $(B)/flags/ld
+	@mkdir -p $$(@D)
+	@echo "  LD  $$(@F)"
+	$$(Q)$$(CC) $$(LDFLAGS) -o $$@ $$(PARTS) $$(LIBS_$(1)) $$(LIBS_IMAGE)
+TEST_DRIVERS += $(B)/test/$(1)parts
+endef
+$(foreach t,$(patsubst tests/%/parts.c,%,$(wildcard tests/*/parts.c)),$(eval $(call parts_rule,$(t))))
 
 TEST_ARGS ?=
 # files of tests side by side
 TEST_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 test: $(B0)/.debs-test all $(TEST_DRIVERS) $(VENV)/.packages
-	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile tests $(TEST_ARGS)
+	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder tests $(TEST_ARGS)
 
 # speed and accuracy beside the peers', as ratios within one run
 bench: bench-hdrgen bench-fishremap bench-render
-#? bench         all benchmarks (bench-hdrgen, bench-fishremap, bench-render)
+#?measures: bench           all benchmarks (bench-hdrgen, bench-fishremap, bench-render)
 
 # ---- the rest --------------------------------------------------------------------------------------
 # Ours in front of what the shell has.  Where it has no RAYPATH, Radiance's programs would look in their default folder,
@@ -201,26 +243,34 @@ clean:
 	rm -rf $(B0)
 
 install: all
-	@sh setup/install.sh $(B) $(B0) "$(DESTDIR)" "$(PREFIX)" "$(PROGRAM_PREFIX)" "$(VERSION)" $(ILF_PROGRAMS) $(TOOL_PROGRAMS) -- $(RAD_PROGRAMS) $(RAD_EXTRA)
+	@sh setup/install.sh $(B) $(B0) "$(DESTDIR)" "$(PREFIX)" "$(PROGRAM_PREFIX)" "$(VERSION)" "$(ILF_ABI)" $(ILF_PROGRAMS) $(TOOL_PROGRAMS) -- $(RAD_PROGRAMS) $(RAD_EXTRA)
 
-#? all           every program, Radiance with the material, man pages (the default)
-#? radiance      Radiance's programs with the material ilf (needs no OpenCV)
-#? tools         the toolchain's own programs
-#? test          the tests (TEST_ARGS=... goes to pytest)
-#? env           print the line that a shell needs to use what is built
-#? deps          install the packages that the machine lacks
-#? install       PREFIX=/usr/local [DESTDIR=] [PROGRAM_PREFIX=]
-#? clean         remove build/
-#? NAME          one program: rpict, hdrgen, ilfpack ...
+#?main: demo            the main job on real photographs and on a virtual capture
+#?main: test            the tests (TEST_ARGS=... goes to pytest)
+#?main: install         PREFIX=/usr/local [DESTDIR=] [PROGRAM_PREFIX=]
+#?build: all             every program, Radiance with the material, man pages (the default)
+#?build: radiance        Radiance's programs with the material ilf (needs no OpenCV)
+#?build: tools           the toolchain's own programs
+#?build: env             print the line that a shell needs to use what is built
+#?build: deps            install the packages that the machine lacks
+#?build: clean           remove build/
+#?build: NAME            one program: rpict, hdrgen, ilfpack ...
 #?
-#? SAN=1 builds ours with ASan and UBSan in build/san; CC=clang CXX=clang++ (libomp-dev); V=1 shows commands; RADIANCE_SRC=DIR builds
-#? from a Radiance 5.4a source tree of your own.
+# Each target's line stands beside its rule, after "#?" and the group that it belongs to.
 help:
-	@echo "make TARGET"; sed -n 's/^#? \{0,1\}/  /p' $(MAKEFILE_LIST)
+	@echo "make TARGET"
+	@for group in "main:" "build: Building" "pictures: Pictures and figures" "measures: Tests and measurements, longer" "words: Documents"; do \
+	    echo; [ "$${group#*: }" = "$$group" ] || echo "$${group#*: }"; sed -n "s/^#?$${group%%:*}: /  /p" $(MAKEFILE_LIST); done
+	@echo; echo "Variables"; sed -n 's/^#?variable: /  /p' $(MAKEFILE_LIST)
+#?variable: V=1             show the compiler's command lines
+#?variable: SAN=1           build ours with ASan and UBSan, in build/san
+#?variable: CC= CXX= OPT=   another compiler (clang wants libomp-dev), other optimisation; what they touch is built again
+#?variable: CI=1            warnings are errors
+#?variable: RADIANCE_SRC=   build from a Radiance 5.4a source tree of your own
 
 # short names: make rpict, make hdrgen ...
 SHORT := $(RAD_PROGRAMS) $(ILF_PROGRAMS) $(TOOL_PROGRAMS)
 .PHONY: $(SHORT)
 $(SHORT): %: $(B)/bin/%
 
--include $(shell find $(B)/obj -name '*.d' 2>/dev/null)
+-include $(shell find $(B)/obj $(B)/pic -name '*.d' 2>/dev/null)

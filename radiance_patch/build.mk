@@ -9,7 +9,8 @@ RAD_SHA256 := 920a519827da7252d6de1794a27a66c191fe294c37a876eea863dcf23aec73c9
 RAD_LIBPKG := pyradiance==1.3.1
 RAD        := $(B0)/radiance/src
 RADOBJ     := $(B)/radiance/obj
-RAD_CFLAGS := $(OPT) -w -fcommon -std=gnu99 -DALIGNT=double -I$(RAD)/common -I$(RAD)/rt -Iradiance_patch -Iilfmat
+RAD_CFLAGS := $(OPT) -w -fcommon -std=gnu99 -DALIGNT=double -MMD -MP -I$(RAD)/common -I$(RAD)/rt -Iradiance_patch -Iilfmat
+$(eval $(call remembered,radiance,$$(CC) $$(RAD_CFLAGS) $$(SANFLAGS)))
 
 RAD_COMMON := addobjnotify badarg biggerlib bmalloc bmpfile bsdf bsdf_m bsdf_t byteswap caldefn calexpr \
 	calfunc calprnt ccolor ccyrgb chanvalue clip color colrops cone cvtcmd depthcodec dircode disk2square \
@@ -70,25 +71,29 @@ RAD_SERIES := $(shell sed 's,^,radiance_patch/,' radiance_patch/series 2>/dev/nu
 $(RAD)/.patched: radiance_patch/series $(RAD_SERIES) radiance_patch/unpack.sh $(RAD_ORIGIN) $(if $(RADIANCE_SRC),,$(B0)/radiance/sdist.tar.gz) | $(B0)/.debs-radiance
 	@sh radiance_patch/unpack.sh "$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(B0)/radiance/sdist.tar.gz)" $(RAD)
 	@touch $@
+# Where the tree lies there already, make brings it up to date before it looks at any file in it (as a makefile, an empty one):
+# what a patch does not change keeps its date, and its object.
+ifneq ($(if $(filter-out clean help env,$(or $(MAKECMDGOALS),all)),$(wildcard $(RAD)/.patched)),)
+include $(RAD)/.patched
+endif
 
 # ---- objects ----
-$(RADOBJ)/%.o: $(RAD)/.patched
+$(RADOBJ)/%.o: $(B)/flags/radiance | $(RAD)/.patched
 	@mkdir -p $(@D)
 	@echo "  CC  $*.c"
 	$(Q)$(CC) $(RAD_CFLAGS) -c -o $@ $(RAD)/$*.c
-$(RADOBJ)/rt/Version.o: $(RAD)/.patched Makefile
+$(RADOBJ)/rt/Version.o: Makefile $(B)/flags/radiance | $(RAD)/.patched
 	@mkdir -p $(@D)
 	@printf 'char VersionID[]="%s, with the ilf material $(VERSION)";\n' "$$(cat $(RAD)/rt/VERSION)" | $(CC) -x c -c -o $@ -
-$(RADOBJ)/ot/oconv.o: radiance_patch/ilfoct.h
 # ours, in Radiance's idiom, with our sanitizers
 RAD_OURS := $(patsubst %,$(RADOBJ)/rt/%.o,m_ilf ilfsrc ilfmark ilfamb ilfglint)
-$(RAD_OURS): $(RADOBJ)/rt/%.o: radiance_patch/%.c radiance_patch/ilfsrc.h radiance_patch/ilfoct.h ilfmat/ilf.h $(RAD)/.patched
+$(RAD_OURS): $(RADOBJ)/rt/%.o: radiance_patch/%.c $(B)/flags/radiance | $(RAD)/.patched
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
 	$(Q)$(CC) $(RAD_CFLAGS) -Wall $(SANFLAGS) -c -o $@ $<
 
 # ours, in place of getlibpath.c: a program without RAYPATH finds the function files of its own installation
-$(RADOBJ)/common/libpath.o: radiance_patch/libpath.c $(RAD)/.patched
+$(RADOBJ)/common/libpath.o: radiance_patch/libpath.c $(B)/flags/radiance | $(RAD)/.patched
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
 	$(Q)$(CC) $(RAD_CFLAGS) -D_GNU_SOURCE -c -o $@ $<
@@ -100,12 +105,14 @@ $(RADOBJ)/libradiance.a: $(RAD_RT:%=$(RADOBJ)/rt/%.o) $(RAD_OURS) $(RADOBJ)/rt/V
 
 # ---- programs ----
 define rad_rules
-$(B)/bin/$(1): $$(RAD_MAIN_$(1):%=$(RADOBJ)/%.o) $(if $(filter $(1),$(RAD_RENDERERS) lookamb),$(RADOBJ)/libradiance.a) $(RADOBJ)/librtrad.a $(if $(filter $(1),$(RAD_RENDERERS)),$(LIBILF))
+$(B)/bin/$(1): $$(RAD_MAIN_$(1):%=$(RADOBJ)/%.o) $(if $(filter $(1),$(RAD_RENDERERS) lookamb),$(RADOBJ)/libradiance.a) $(RADOBJ)/librtrad.a $(if $(filter $(1),$(RAD_RENDERERS)),$(LIBILF)) $(B)/flags/ld
 	@mkdir -p $$(@D)
 	@echo "  LD  $(1)"
-	$(Q)$(CC) $(SANFLAGS) -o $$@ $$^ $(if $(filter $(1),$(RAD_RENDERERS)),$(LIBS_ILF)) -lm
+	$(Q)$(CC) $(SANFLAGS) -o $$@ $$(PARTS) $(if $(filter $(1),$(RAD_RENDERERS)),$(LIBS_ILF)) -lm
 endef
 $(foreach p,$(RAD_PROGRAMS),$(eval $(call rad_rules,$(p))))
+
+-include $(shell find $(RADOBJ) -name '*.d' 2>/dev/null)
 
 # ---- function files, a font, further programs ----
 $(B0)/lib/.radiance: radiance_patch/extras.sh | $(VENV)/.made

@@ -1,14 +1,16 @@
 #!/bin/sh
-# Lay out Radiance's src tree in OUT and patch it: unpack.sh TARBALL-OR-FOLDER OUT
-# Our patches are in ./series beside this script.
+# Lay out Radiance's src tree in OUT and patch it: unpack.sh TARBALL-OR-FOLDER OUT [SERIES]
+# Our patches, and the list of them that is used where no other is named (/dev/null: none), are beside this script.
+# Where OUT is there already, files that come out the same keep their dates.
 set -eu
 here=$(dirname "$0")
+series=${3:-$here/series}
 refuse() {
     echo "unpack: $1" >&2
     rm -rf "$2.new"
     exit 1
 }
-rm -rf "$2" "$2.new"
+rm -rf "$2.new"
 mkdir -p "$2.new"
 if [ -d "$1" ]; then
     src=$1
@@ -38,6 +40,12 @@ while read -r p; do
     # one that fails halfway leaves nothing, and says it in one line
     patch -s -p1 -r - -d "$2.new" <"$here/$p" >"$2.new/log" 2>&1 ||
         refuse "$1: expected Radiance 5.4a of October 2021 to September 2023, found \"$version\", rt/source.c ${revision:-of no known revision}: $p does not apply" "$2"
-done <"$here/series"
+done <"$series"
 rm -f "$2.new/log"
+if [ -d "$2" ]; then
+    (cd "$2.new" && find . -type f) | while IFS= read -r f; do
+        ! cmp -s "$2/$f" "$2.new/$f" || mv "$2/$f" "$2.new/$f"
+    done
+    rm -rf "$2"
+fi
 mv "$2.new" "$2"

@@ -1,12 +1,12 @@
 #!/bin/sh
 # Install what was built:
-# install.sh BUILD BUILD0 DESTDIR PREFIX PROGRAM_PREFIX VERSION OUR-PROGRAM... -- RADIANCE-PROGRAM...
+# install.sh BUILD BUILD0 DESTDIR PREFIX PROGRAM_PREFIX VERSION ABI OUR-PROGRAM... -- RADIANCE-PROGRAM...
 # Radiance's programs keep their names (scenes call them by these): they replace an installation of their own version
 # under PREFIX.  Every file comes whole under its name, so that a running program keeps its own.
 set -eu
 umask 022
-build=$1 build0=$2 destdir=$3 prefix=$4 mark=$5 version=$6
-shift 6
+build=$1 build0=$2 destdir=$3 prefix=$4 mark=$5 version=$6 abi=$7
+shift 7
 [ -n "$prefix" ] || { echo "install: expected PREFIX=FOLDER, found nothing" >&2; exit 1; }
 case $prefix in /*) ;; *) prefix=$(pwd)/$prefix ;; esac
 dest=$destdir$prefix
@@ -33,11 +33,26 @@ for p in "$@"; do
 done
 for f in "$build0/man/man7/"*.7; do put 644 "$f" "$man/man7/$(basename "$f")"; done
 put 644 "$build/lib/libilf.a" "$dest/lib/libilf.a"
+put 644 "$build/lib/libilf.so.$abi" "$dest/lib/libilf.so.$abi.$version"
+ln -sf "libilf.so.$abi.$version" "$dest/lib/libilf.so.$abi"
+ln -sf "libilf.so.$abi" "$dest/lib/libilf.so"
 put 644 ilfmat/ilf.h "$dest/include/ilf.h"
 # function files, the font, data: all that build/lib holds but the libraries
-(cd "$build0/lib" && find . -type f ! -name '.*' ! -name '*.a' ! -name '*.part') | while IFS= read -r f; do
+(cd "$build0/lib" && find . -type f ! -name '.*' ! -name '*.a' ! -name '*.so*' ! -name '*.part') | while IFS= read -r f; do
     mkdir -p "$(dirname "$ray/$f")"
     put 644 "$build0/lib/$f" "$ray/$f"
+done
+# the chain from a session to its light field, a session to begin with, and our programs under the names that both use
+mkdir -p "$dest/share/ilf/chain" "$dest/share/ilf/example" "$dest/lib/ilf/bin"
+for f in capture.mk rules.mk twin.mk view.sh digest.sh; do put 644 "scenes/$f" "$dest/share/ilf/chain/$f"; done
+put 644 scenes/capture/room.rad "$dest/share/ilf/example/room.rad"
+sed -e 's,\.\./\.\./build/capture,out,g' -e 's,make -C scenes CAPTURE=.*,make -f PREFIX/share/ilf/chain/capture.mk CAPTURE=session.conf   (in a copy of this folder),' \
+    scenes/capture/session.conf >"$build0/session.part"
+put 644 "$build0/session.part" "$dest/share/ilf/example/session.conf"
+rm -f "$build0/session.part"
+for p in "$@"; do
+    [ "$p" != -- ] || mark=
+    [ "$p" = -- ] || ln -sf "../../../bin/$mark$p" "$dest/lib/ilf/bin/$p"
 done
 put 644 LICENSE "$doc/LICENSE"
 [ ! -f "$build0/radiance/src/License.txt" ] || put 644 "$build0/radiance/src/License.txt" "$doc/Radiance-License.txt"
@@ -51,7 +66,8 @@ Name: ilf
 Description: incident light fields: open, evaluate, sample, write
 Version: $version
 Requires.private: OpenEXR
-Libs: -L"\${libdir}" -lilf -lOpenEXRCore -lOpenEXR -lpthread -lm
+Libs: -L"\${libdir}" -lilf
+Libs.private: -lOpenEXRCore -lOpenEXR -lpthread -lm
 Cflags: -I"\${includedir}"
 EOF
 chmod 644 "$dest/lib/pkgconfig/ilf.pc"

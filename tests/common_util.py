@@ -4,10 +4,15 @@ import os
 import pathlib
 import struct
 import subprocess
+import sys
 import zlib
 
 import numpy as np
 import OpenEXR
+from process import execute
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "scenes"))
+from rgbe import values as value_of  # noqa: E402,F401
 
 BUILD = pathlib.Path(os.environ.get("ILF_BUILD", "build")).resolve()
 IMGTOOL = BUILD / "test" / "imgtool"
@@ -17,12 +22,11 @@ os.environ["ASAN_OPTIONS"] = "allocator_may_return_null=1:" + os.environ.get("AS
 
 
 def run(program, *args, **kw):
-    """The finished process; a hang or a signal is a failure of its own kind."""
-    kw.setdefault("timeout", 60)
+    """The finished process."""
     kw.setdefault("stdin", subprocess.DEVNULL)
     if "input" in kw:
         del kw["stdin"]
-    return subprocess.run([str(program), *map(str, args)], capture_output=True, **kw)
+    return execute([str(program), *map(str, args)], capture_output=True, **kw)
 
 
 def refused(p, code=1):
@@ -87,12 +91,6 @@ def rgbe_of(rgb):
     out = np.concatenate([codes, (e + 128)[..., None].astype(np.uint8)], axis=-1)
     out[top <= 1e-32] = 0
     return out
-
-
-def value_of(rgbe):
-    """What a code means: (c + 1/2)·2^(e - 136)."""
-    e = rgbe[..., 3:].astype(int)
-    return np.where(e > 0, np.ldexp(rgbe[..., :3] + 0.5, e - 136), 0.0)
 
 
 def line_new(codes):

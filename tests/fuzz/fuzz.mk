@@ -20,10 +20,10 @@ FUZZ_LIB_times    := hdrgen
 # ---- replay, with the compiler and the flags of everything else -------------------------------------------
 REPLAYS := $(FUZZ_NAMES:%=$(B)/test/fuzz_%)
 define replay_rule
-$(B)/test/fuzz_$(1): $(B)/obj/tests/fuzz/fuzz_$(1).o $(B)/obj/tests/fuzz/replay.o $(FUZZ_LIB_$(1):%=$(B)/obj/lib%.a) $(UNDER_$(FUZZ_LIB_$(1)):%=$(B)/obj/lib%.a) $(LIBVISION) $(LIBCOMMON) $(LIBILF)
+$(B)/test/fuzz_$(1): $(B)/obj/tests/fuzz/fuzz_$(1).o $(B)/obj/tests/fuzz/replay.o $(FUZZ_LIB_$(1):%=$(B)/obj/lib%.a) $(UNDER_$(FUZZ_LIB_$(1)):%=$(B)/obj/lib%.a) $(LIBVISION) $(LIBCOMMON) $(LIBILF) $(B)/flags/ld
 	@mkdir -p $$(@D)
 	@echo "  LD  $$(@F)"
-	$$(Q)$$(CC) $$(LDFLAGS) -o $$@ $$^ $$(foreach t,$(FUZZ_LIB_$(1)),$$(LIBS_$$(t))) $$(LIBS_IMAGE)
+	$$(Q)$$(CC) $$(LDFLAGS) -o $$@ $$(PARTS) $$(foreach t,$(FUZZ_LIB_$(1)),$$(LIBS_$$(t))) $$(LIBS_IMAGE)
 endef
 $(foreach f,$(FUZZ_NAMES),$(eval $(call replay_rule,$(f))))
 test: $(REPLAYS)
@@ -62,4 +62,4 @@ fuzz: $(FUZZ:%=$(FUZZ_DIR)/fuzz_%)
 	sh tests/fuzz/run.sh $(FUZZ_DIR) $(FUZZ_SECONDS) $(FUZZ)
 
 -include $(shell find $(FUZZ_DIR)/obj -name '*.d' 2>/dev/null)
-#? fuzz          every parser under libFuzzer (clang), FUZZ_SECONDS=60 each; FUZZ="ilf hdr ..." some of them
+#?measures: fuzz            every parser under libFuzzer (clang), FUZZ_SECONDS=60 each; FUZZ="ilf hdr ..." some of them

@@ -5,6 +5,7 @@ import numpy as np
 
 from conftest import TOP, environment, run
 from ilf_util import f32, random_directions, random_ilf, unit, write_ilf
+from process import execute
 from rad_util import FLOOR, Polygon, Sphere, Surface, clear, matrix, rtrace, scene_value
 import subprocess
 
@@ -12,7 +13,7 @@ PLANE = (0, 0, 0), (.75, 0, 0), (0, .75, 0)
 
 
 def shell(folder, line):
-    p = subprocess.run(["bash", "-euc", line], cwd=folder, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    p = execute(["bash", "-euc", line], cwd=folder, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert p.returncode == 0, (line, p.stderr)
 
 
@@ -28,9 +29,9 @@ def readme_scene():
 
 
 def manual():
-    """Preformatted blocks of ilf(7), with troff's marks taken off."""
+    """Files and commands of ilf(7), with troff's marks taken off."""
     text = (TOP / "man" / "ilf.7").read_text().replace("\\-", "-").replace("\\e", "\\")
-    return re.findall(r"^\.nf\n(.*?)^\.fi$", text, re.S | re.M)
+    return re.findall(r"^\.(?:nf|EX)\n(.*?)^\.(?:fi|EE)$", text, re.S | re.M)
 
 
 def check(folder, scene, surfaces, rng, M=np.eye(4)):
@@ -87,6 +88,6 @@ def test_the_manuals_room_as_auxiliary_geometry(tmp_path):
     assert len(lines) == 3
     shell(tmp_path, lines[0])
     shell(tmp_path, lines[1])
-    shell(tmp_path, lines[2].replace("rpict", "rpict -w -x 16 -y 16").replace("-ad 256 -as 64", "-ad 16 -as 0"))
+    shell(tmp_path, lines[2].replace("rpict", "rpict -w -x 16 -y 16").replace("-ad 128 -as 32", "-ad 16 -as 0"))
     assert run("pvalue", "-h", "-H", "picture.hdr", cwd=tmp_path).text.strip()
     check(tmp_path, "surroundings.rad", [Surface(s, f) for s in [*walls, lamp]], np.random.default_rng(94))

@@ -2,11 +2,12 @@
 import csv
 import json
 import os
-import subprocess
 import sys
 
 import numpy as np
 import pytest
+
+import common_util
 
 TOP = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 SCENES = os.path.join(TOP, "scenes")
@@ -14,44 +15,17 @@ sys.path.insert(0, SCENES)
 
 import compare  # noqa: E402
 import pictures  # noqa: E402
+from process import execute
 
 
-def rgbe(rgb):
-    """Shared-exponent bytes after Ward: mantissa = value * 256 / 2^(e-128), e from frexp of the largest."""
-    top = rgb.max(-1)
-    mant, exp = np.frexp(np.where(top > 0, top, 1.0))
-    scale = np.where(top > 1e-32, mant * 256.0 / np.where(top > 0, top, 1.0), 0.0)
-    out = np.zeros((*rgb.shape[:2], 4), np.uint8)
-    out[..., :3] = (rgb * scale[..., None]).astype(np.uint8)
-    out[..., 3] = np.where(top > 1e-32, exp + 128, 0)
-    return out
-
-
-def write_hdr(path, rgb, runs=False, header=b""):
-    px = rgbe(np.asarray(rgb, float))
-    rows, cols = px.shape[:2]
-    body = b""
-    for y in range(rows):
-        if not runs:
-            body += px[y].tobytes()
-            continue
-        body += bytes([2, 2, cols >> 8, cols & 255])
-        for c in range(4):
-            line, x = px[y, :, c], 0
-            while x < cols:
-                n = 1
-                while x + n < cols and n < 127 and line[x + n] == line[x]:
-                    n += 1
-                body += bytes([128 + n, line[x]]) if n > 2 else bytes([1, line[x]])
-                x += n if n > 2 else 1
-    with open(path, "wb") as f:
-        f.write(b"#?RADIANCE\n" + header + b"FORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % (rows, cols) + body)
+def write_hdr(path, rgb, runs=False, header=""):
+    common_util.write_hdr(path, common_util.rgbe_of(np.asarray(rgb, float)), line=common_util.line_new if runs else bytes, header=header)
     return str(path)
 
 
 def run(*args):
-    return subprocess.run([sys.executable, os.path.join(SCENES, "compare.py"), *map(str, args)],
-                          capture_output=True, text=True)
+    return execute([sys.executable, os.path.join(SCENES, "compare.py"), *map(str, args)],
+                   capture_output=True, text=True)
 
 
 # ---- measures -------------------------------------------------------------------------------------------------
@@ -138,7 +112,7 @@ def test_radiance_picture_reads_back(tmp_path, runs):
 def test_exposure_in_the_header_is_undone(tmp_path):
     rgb = np.full((2, 9, 3), 3.0)
     plain = pictures.read(write_hdr(tmp_path / "a.hdr", rgb))
-    assert pictures.read(write_hdr(tmp_path / "b.hdr", rgb, header=b"EXPOSURE=4\nEXPOSURE=0.5\n")) == pytest.approx(plain / 2)
+    assert pictures.read(write_hdr(tmp_path / "b.hdr", rgb, header="EXPOSURE=4\nEXPOSURE=0.5\n")) == pytest.approx(plain / 2)
 
 
 def test_broken_pictures_are_refused_in_one_line(tmp_path):
@@ -206,18 +180,18 @@ def test_timed_keeps_cost_and_whole_outputs(tmp_path):
     out, log = tmp_path / "out", tmp_path / "log.json"
     timed = [sys.executable, os.path.join(SCENES, "timed.py"), "--log", str(log), "-o", str(out), "--"]
     spin = "import time\nwhile time.process_time() < 0.3: pass\nprint('done')"
-    assert subprocess.run([*timed, sys.executable, "-c", spin]).returncode == 0
+    assert execute([*timed, sys.executable, "-c", spin]).returncode == 0
     cost = json.loads(log.read_text())
     assert out.read_text() == "done\n" and 0.3 <= cost["cpu_s"] < 30 and sys.executable in cost["command"]
     out.unlink()
-    failed = subprocess.run([*timed, sys.executable, "-c", "print(1); raise SystemExit(3)"], capture_output=True, text=True)
+    failed = execute([*timed, sys.executable, "-c", "print(1); raise SystemExit(3)"], capture_output=True, text=True)
     assert failed.returncode == 1 and "exit status 0, found 3" in failed.stderr
     assert not out.exists() and sorted(os.listdir(tmp_path)) == ["log.json"]
 
 
 def test_statue_is_a_closed_mesh_that_faces_outward(tmp_path):
     obj = tmp_path / "statue.obj"
-    subprocess.run([sys.executable, os.path.join(SCENES, "models", "statue.py"), "--height", "0.3", "--cells", "110",
+    execute([sys.executable, os.path.join(SCENES, "models", "statue.py"), "--height", "0.3", "--cells", "110",
                     "-o", str(obj)], check=True)
     v, n, t = [], [], []
     for line in obj.read_text().splitlines():

@@ -1,13 +1,14 @@
 """What the figures are made with: generators, the array's camera, one probe, the profile spotlight, the shift between pictures,
 and the whole chain of figures 10 and 11 at a thumbnail's size."""
 import os
-import subprocess
 import sys
 
 import numpy as np
 import pytest
 
+from common_util import rgbe_of, write_hdr
 from conftest import TOP, environment, run
+from process import execute
 
 SCENES = TOP / "scenes"
 sys.path.insert(0, str(SCENES))
@@ -21,7 +22,7 @@ import shift  # noqa: E402
 
 
 def script(name, *args, code=0):
-    p = subprocess.run([sys.executable, str(SCENES / name), *map(str, args)], capture_output=True, text=True, timeout=120)
+    p = execute([sys.executable, str(SCENES / name), *map(str, args)], capture_output=True, text=True)
     assert p.returncode == code, p.stderr
     return p
 
@@ -88,19 +89,10 @@ def test_saturated_and_black():
     assert (code[..., 2] == 255).all() and (code[..., 0] <= dark).all() and (code[..., 1] >= full).all()
 
 
-def write_flat_hdr(path, rgb):
-    rgb = np.asarray(rgb, float)
-    mant, exp = np.frexp(np.maximum(rgb.max(-1), 1e-30))
-    out = np.zeros((*rgb.shape[:2], 4), np.uint8)
-    out[..., :3] = rgb * (mant * 256 / np.maximum(rgb.max(-1), 1e-30))[..., None]
-    out[..., 3] = exp + 128
-    path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % rgb.shape[:2] + out.tobytes())
-
-
 def test_exposures_merge_to_the_picture(tmp_path):
     """Four decades through camera and hdrgen come back: the noise that is left is the electrons'."""
     ramp = np.repeat(np.logspace(-1.5, 2.5, 120)[None, :, None], 40, 0) * [1.0, 0.7, 0.4]
-    write_flat_hdr(tmp_path / "a.hdr", ramp)
+    write_hdr(tmp_path / "a.hdr", rgbe_of(ramp), line=bytes)
     script("camera.py", *(w for k in (-9, -6, -3, 0) for w in ("--seconds", f"1/{2 ** -k}")), "-o", tmp_path / "e", tmp_path / "a.hdr")
     run("hdrgen", "--quiet", "--response", "srgb", "--times", tmp_path / "e/times.txt", "-o", tmp_path / "m.exr",
         *sorted((tmp_path / "e").glob("*.png")))
@@ -279,8 +271,8 @@ def test_figure_11_as_a_thumbnail(tmp_path):
     env = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
 
     def make():
-        p = subprocess.run(["make", "--no-print-directory", f"FIG={fig}", *THUMBNAIL, *(f"{fig}/figure11/{f}" for f in goals)], cwd=TOP,
-                           env=env, capture_output=True, text=True, timeout=600)
+        p = execute(["make", "--no-print-directory", f"FIG={fig}", *THUMBNAIL, *(f"{fig}/figure11/{f}" for f in goals)], cwd=TOP,
+                    env=env, capture_output=True, text=True)
         assert p.returncode == 0, p.stdout + p.stderr
     make()
     assert (out / "photo.json").stat().st_size > 0

@@ -19,5 +19,5 @@ stability-long: $(STABILITY_NEEDS)
 mutations: $(STABILITY_NEEDS)
 	$(PY) tests/stability/mutate.py $(MUTATIONS)
 
-#? stability     stiff and extreme cases as a table (build/stability.csv); stability-long tries more and other examples
-#? mutations     break the code on purpose, one thing at a time: which test notices? (MUTATIONS="name ..." some)
+#?measures: stability       stiff and extreme cases as a table (build/stability.csv); stability-long tries more and other examples
+#?measures: mutations       break the code on purpose, one thing at a time: which test notices? (MUTATIONS="name ..." some)

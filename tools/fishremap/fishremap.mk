@@ -1,4 +1,4 @@
-#? bench-fishremap  fishremap beside OpenCV, nona (hugin-tools) and ffmpeg, if installed: error, energy, CPU time
+#?measures: bench-fishremap fishremap beside OpenCV, nona (hugin-tools) and ffmpeg, if installed: error, energy, CPU time
 FISHREMAP_BENCH := $(B0)/venv-bench-fishremap
 $(FISHREMAP_BENCH)/.made: | $(VENV)/.made
 	@echo "installing OpenCV's Python module for the comparison"

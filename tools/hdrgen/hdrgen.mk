@@ -1,12 +1,6 @@
-# hdrgen: tests of its pure parts, and the comparison with other programs.
+# hdrgen: the comparison with other programs.
 
-$(B)/test/hdrgenparts: $(B)/obj/tests/hdrgen/parts.o $(B)/obj/libhdrgen.a $(LIBCOMMON)
-	@mkdir -p $(@D)
-	@echo "  LD  $(@F)"
-	$(Q)$(CC) $(LDFLAGS) -o $@ $^ $(LIBS_hdrgen) $(LIBS_IMAGE)
-test: $(B)/test/hdrgenparts
-
-#? bench-hdrgen  exposure merging: error and CPU seconds beside OpenCV, and the real series
+#?measures: bench-hdrgen    exposure merging: error and CPU seconds beside OpenCV, and the real series
 BENCH_HDRGEN := $(B0)/bench/hdrgen
 bench-hdrgen: $(B)/bin/hdrgen $(VENV)/.packages
 	@mkdir -p $(BENCH_HDRGEN)
