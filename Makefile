@@ -56,13 +56,15 @@ PROGRAMS_hdrgen    := hdrgen
 PROGRAMS_fishremap := fishremap falloffcal
 PROGRAMS_stagectl  := stagectl
 PROGRAMS_twin      := virtualstage virtualcamera
+PROGRAMS_ilflamps  := ilflamps
 LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
 LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack -ljansson
 LIBS_stagectl      := -lutil -lexif -lcrypto
+LIBS_ilflamps      := -llapacke -llapack
 LIBS_twin          := $(LIBS_stagectl)
 # the tool whose parts another stands on: the virtual stage speaks the real one's language
 UNDER_twin         := stagectl
-TOOLS              := hdrgen fishremap stagectl twin
+TOOLS              := hdrgen fishremap stagectl twin ilflamps
 
 # A main that is not written yet is left out, so that a partial checkout builds.
 have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
@@ -121,7 +123,7 @@ COMMON_SRC := $(wildcard common/base/*.c common/exr/*.c common/image/*.c common/
 COMMON_OBJ := $(patsubst %,$(B)/obj/%.o,$(basename $(COMMON_SRC)))
 VISION_OBJ := $(patsubst %.cpp,$(B)/obj/%.o,$(wildcard common/vision/*.cpp))
 # common/exr knows OpenEXR's bytes, for libilf and for the pictures
-ILFLIB_SRC := $(wildcard common/exr/*.c ilfmat/file/*.c ilfmat/lookup/*.c ilfmat/sampling/*.c)
+ILFLIB_SRC := $(wildcard common/exr/*.c ilfmat/file/*.c ilfmat/lookup/*.c ilfmat/sampling/*.c ilfmat/lamps/*.c)
 ILFLIB_OBJ := $(ILFLIB_SRC:%.c=$(B)/obj/%.o)
 LIBILF     := $(B)/lib/libilf.a
 # the shared library's number changes with its interface, not with each version of the programs

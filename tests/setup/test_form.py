@@ -35,11 +35,13 @@ BELOW = {
     "ilfmat/file": ["ilfmat", "common/exr"],
     "ilfmat/lookup": ["ilfmat"],
     "ilfmat/sampling": ["ilfmat"],
+    "ilfmat/lamps": [],
     "ilfmat": ["common/exr"],
     "ilfmat/programs": ["ilfmat", "common/image", "common/base"],
     "ilfmat/examples": ["ilfmat"],
     "tools/hdrgen": ["common/vision", "common/image", "common/exr", "common/base"],
     "tools/fishremap": ["common/vision", "common/image", "common/exr", "common/base", "ilfmat"],
+    "tools/ilflamps": ["common/image", "common/base", "ilfmat", "ilfmat/lamps"],
     "tools/stagectl": ["common/image", "common/base"],
     "tools/twin": ["tools/stagectl", "common/image", "common/base"],
 }

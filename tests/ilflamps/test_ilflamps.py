@@ -1,0 +1,115 @@
+"""ilflamps on rooms whose lamps are known (bench/lamps/rooms.py): what it finds, that it never harms, what its options do."""
+import json
+import sys
+
+import numpy as np
+import pytest
+from conftest import TOP, run
+
+sys.path.insert(0, str(TOP / "bench" / "lamps"))
+import rooms                                                           # noqa: E402
+
+GREY = (.3, .3, .3)
+YELLOW, BLUE = ((1.3, .7, 2.4), .06, (9000, 8000, 6000)), ((-1.1, -1.6, 2.3), .07, (5000, 6000, 9000))
+
+
+def carded(lamps=(YELLOW, BLUE)):
+    return rooms.Room([rooms.lamp(*l) for l in lamps] + [rooms.tilted(YELLOW[0], (.1, -.1), 1.2, .3, .25, 0, 0, 20, GREY)])
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory):
+    d = tmp_path_factory.mktemp("lamps")
+    rooms.make(carded(), 6, 6, 160, 80, str(d / "card.ilf.exr"))
+    rooms.make(carded((YELLOW,)), 6, 6, 160, 80, str(d / "yellow.ilf.exr"))
+    rooms.make(rooms.Room([]), 4, 4, 64, 32, str(d / "none.ilf.exr"))
+    return d
+
+
+@pytest.fixture(scope="session")
+def card(folder):
+    run("ilflamps", "--report", folder / "card.json", "--picture", folder / "card.png", folder / "card.ilf.exr")
+    return json.loads((folder / "card.json").read_text())
+
+
+def texels(path):
+    import OpenEXR
+    with OpenEXR.File(str(path)) as f:
+        return np.array(f.parts[0].channels["RGB"].pixels, float)
+
+
+def irradiance(img, nu, nv, n_theta, n_phi):
+    "of each probe, upwards"
+    edge = np.arange(n_phi + 1) * np.pi / 2 / n_phi
+    w = (np.sin(edge[1:]) ** 2 - np.sin(edge[:-1]) ** 2) * np.pi / n_theta
+    v = img.reshape(nv, n_phi, nu, n_theta, 3)
+    return np.einsum("jyixc,y->jic", v, w)
+
+
+def test_lamps_stand_where_they_stand(card):
+    assert len(card["lamps"]) == 2
+    for centre, radius, rgb in (YELLOW, BLUE):
+        found = min(card["lamps"], key=lambda l: np.linalg.norm(np.subtract(l["position"], centre)))
+        assert found["fate"] == "taken out" and found["shape"] == "sphere"
+        assert np.linalg.norm(np.subtract(found["position"], centre)) < .01
+        assert found["radius"] == pytest.approx(radius, rel=.02)
+        power = np.array(found["radiance"]) * found["radius"] ** 2 / (np.array(rgb) * radius ** 2)
+        assert power == pytest.approx(1, abs=.01)
+
+
+def test_the_card_is_found(card):
+    hidden = max(card["lamps"], key=lambda l: l["error_of_interpolation"])
+    assert "sheet" in hidden["model"] and hidden["height"] == pytest.approx(1.2, abs=.02)
+    assert hidden["error"] < .4 * hidden["error_of_interpolation"]
+
+
+def test_better_where_it_matters_and_never_worse(folder, card):
+    one, two, _ = rooms.run(carded(), str(folder / "card.ilf.exr"), [], rooms.Score(carded(), patches=3))
+    for z in one:
+        assert two[z]["up"] < one[z]["up"] / 3 and two[z]["side"] < one[z]["side"] / 3 and two[z]["rad"] < 6, (one, two)
+
+
+def test_no_lamps_nothing_changes(folder):
+    run("ilflamps", "--report", folder / "n.json", "--compose", folder / "n.ilf.exr", folder / "none.ilf.exr")
+    assert json.loads((folder / "n.json").read_text())["lamps"] == []
+    assert np.array_equal(texels(folder / "n.ilf.exr"), texels(folder / "none.ilf.exr"))
+    run("ilflamps", "--lamps", "keep", "--compose", folder / "k.ilf.exr", folder / "card.ilf.exr")
+    assert np.array_equal(texels(folder / "k.ilf.exr"), texels(folder / "card.ilf.exr"))
+
+
+def test_composed_it_is_the_field_again(folder, card):
+    run("ilflamps", "--compose", folder / "again.ilf.exr", folder / "card.ilf.exr")
+    a, b = (irradiance(texels(folder / f"{n}.ilf.exr"), 6, 6, 160, 80) for n in ("again", "card"))
+    assert np.sqrt(((a - b) ** 2).mean()) < .02 * b.mean()
+
+
+def test_a_lamp_put_out_is_a_room_without_it(folder, card):
+    blue = 1 + min(range(2), key=lambda k: np.linalg.norm(np.subtract(card["lamps"][k]["position"], BLUE[0])))
+    run("ilflamps", "--set", f"{blue}.off", "--compose", folder / "off.ilf.exr", folder / "card.ilf.exr")
+    whole, off, true = (irradiance(texels(folder / f"{n}.ilf.exr"), 6, 6, 160, 80) for n in ("again", "off", "yellow"))
+    blue_only = irradiance(texels(folder / "card.ilf.exr"), 6, 6, 160, 80) - true
+    # of the blue lamp's own light next to nothing is left; the yellow one's is what "again" makes of it
+    assert np.abs((whole - off) - blue_only).mean() < .01 * blue_only.mean()
+    assert np.sqrt(((off - true) ** 2).mean()) < .02 * true.mean()
+
+
+def test_threads_change_nothing(folder, card):
+    for n in (1, 3):
+        run("ilflamps", "--threads", str(n), "--report", folder / f"t{n}.json", "--compose", folder / f"t{n}.ilf.exr", folder / "card.ilf.exr")
+    a, b = (json.loads((folder / f"t{n}.json").read_text()) for n in (1, 3))
+    assert a["lamps"] == b["lamps"]
+    assert np.array_equal(texels(folder / "t1.ilf.exr"), texels(folder / "t3.ilf.exr"))
+
+
+@pytest.mark.parametrize("args, words", [
+    (("--lamps", "some"), "--lamps: expected keep, auto or a number"),
+    (("--max-width", "0"), "--max-width: expected more than 0"),
+    (("--set", "1.hue=3"), "--set: expected K.gain=X"),
+    (("--set", "7.off"), "expected a lamp from 1 to"),
+    (("--grid", "3x3"), "expected --compose"),
+    (("--rays", "x"), "--rays and --radiance go together")])
+def test_refusals(folder, args, words):
+    more = [] if "--grid" in args else ["--report", folder / "x.json"]
+    r = run("ilflamps", *args, *more, folder / "card.ilf.exr", code=2)
+    assert words in r.err and len(r.err.splitlines()) == 1
+    assert not (folder / "x.json").exists()

@@ -1,0 +1,125 @@
+/*
+ * analysis.c - from a light field to lamps, what hides them, and what is left.
+ */
+#include "analysis.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "choose.h"
+#include "pictures.h"
+
+#define OVER        15.0 /* bright spots: times the probe's median luminance */
+#define MISFIT      .1   /* rms; a lamp whose spots look like no body that we know stays in the field */
+#define MISFIT_WIDE .2   /* of lamps of many texels, whose light is less even */
+
+static double typical(const lightfield *f)
+{
+    double sum = 0;
+
+    for (int k = 0; k < f->n; k++) sum += blobs_median(f, k) / f->n;
+    return sum;
+}
+
+/* Mean width of a lamp's spots, radians. */
+static double wide_spots(const bloblist *l, int number)
+{
+    double sum = 0;
+    int n = 0;
+
+    for (int i = 0; i < l->n; i++)
+        if (l->b[i].lamp == number) sum += 2 * l->b[i].reach, n++;
+    return n ? sum / n : 0;
+}
+
+static int shapes(analysis *a, const bloblist *list, const centre *c, int n, double limit, const plan *p,
+                  errmsg *e)
+{
+    for (int i = 0; i < n; i++) {
+        found *it = &a->lamps[a->n];
+        memset(it, 0, sizeof *it);
+        if (wide_spots(list, i) > 1.2 * p->max_width) {
+            it->l.c = c[i], it->fate = TOO_WIDE, it->l.s.l.radius = 1;
+            memcpy(it->l.s.l.centre, c[i].at, sizeof c[i].at);
+            a->n++;
+            continue;
+        }
+        const int r = shape_fit(&it->l.s, &c[i], i, list, &a->f, limit);
+        if (r < 0) return err_set(e, "no memory for a lamp's shape");
+        it->l.c = c[i];
+        a->n++;
+        it->fate = r > 0 || it->l.s.misfit > (wide_spots(list, i) > 6 * a->f.dp ? MISFIT_WIDE : MISFIT)
+                       ? SHAPELESS
+                       : TAKEN;
+        if (r > 0) continue;
+        if (lamp_measure(&it->l, &a->f, limit, e)) return -1;
+        if (it->fate == TAKEN && it->l.width > p->max_width) it->fate = TOO_WIDE;
+    }
+    return 0;
+}
+
+/* Something hides or shapes it. */
+static int uneven(const lamp *l, const lightfield *f)
+{
+    for (int k = 0; k < f->n; k++)
+        if (l->seen[k] >= 0 && fabs(l->seen[k] - 1) > .03) return 1;
+    return 0;
+}
+
+static int explain(analysis *a, const plan *p, errmsg *e)
+{
+    pictures pics = {0};
+    int hidden = 0, bad;
+
+    for (int i = 0; i < a->n; i++) hidden |= a->lamps[i].fate == TAKEN && uneven(&a->lamps[i].l, &a->f);
+    bad = p->octree ? surroundings_from(&a->around, p->octree, &a->f, e)
+          : hidden  ? surroundings_guess(&a->around, &a->f, e)
+                    : 0;
+    if (!bad && hidden) bad = pictures_make(&pics, &a->f, &a->around, e);
+    for (int i = 0; i < a->n && !bad && hidden; i++)
+        if (a->lamps[i].fate == TAKEN) pictures_add_lamp(&pics, &a->lamps[i].l, &a->f);
+    for (int i = 0; i < a->n && !bad; i++)
+        if (a->lamps[i].fate == TAKEN) bad = choose_model(&a->lamps[i], &a->f, &pics, e);
+    pictures_free(&pics);
+    return bad;
+}
+
+int analyse(analysis *a, const char *path, const plan *p, errmsg *e)
+{
+    bloblist list = {0};
+    centre *c = calloc((size_t)p->most + 1, sizeof *c);
+    int bad = 0;
+
+    memset(a, 0, sizeof *a);
+    a->lamps = calloc((size_t)p->most + 1, sizeof *a->lamps);
+    if (!c || !a->lamps) bad = err_set(e, "no memory for lamps");
+    if (!bad) bad = lf_read(&a->f, path, e);
+    const clock_t began = clock();
+    if (!bad && p->most > 0) bad = blobs_find(&list, &a->f, OVER, e);
+    if (!bad) {
+        const double limit = OVER * typical(&a->f);
+        bad = shapes(a, &list, c, centres_find(c, p->most, &list, &a->f), limit, p, e);
+        for (int i = 0; i < list.n; i++) a->stray += list.b[i].lamp < 0;
+        a->spots = list.n;
+        for (int i = 0; i < a->n && !bad; i++)
+            if (a->lamps[i].fate == TAKEN) bad = lamp_take_out(&a->lamps[i].l, &a->f, limit, e);
+    }
+    if (!bad) bad = explain(a, p, e);
+    for (int i = a->n; i-- > 0 && !bad;)
+        if (a->lamps[i].fate != TAKEN) lamp_put_back(&a->lamps[i].l, &a->f);
+    a->cpu_s = (double)(clock() - began) / CLOCKS_PER_SEC;
+    free(list.b), free(c);
+    if (bad) analysis_free(a);
+    return bad;
+}
+
+void analysis_free(analysis *a)
+{
+    for (int i = 0; i < a->n; i++) lamp_free(&a->lamps[i].l), model_free(&a->lamps[i].best);
+    free(a->lamps);
+    surroundings_free(&a->around);
+    lf_free(&a->f);
+    memset(a, 0, sizeof *a);
+}

@@ -1,0 +1,162 @@
+/*
+ * choose.c - which hypothesis a lamp gets.  Masks are added one at a time, each time the one whose left-out
+ * rows fit best (models that have seen the occluder in the pictures win near ties: left-out probes can't see
+ * what happens above the plane), as long as they clearly help.  The chain must beat interpolation between
+ * probes; where it doesn't, interpolation is what a narrow lamp gets, and a wide one stays in the field.
+ */
+#include "choose.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "layers.h"
+#include "smooth.h"
+
+enum { ROUNDS = 3 };
+#define HELPS     0.9   /* a further mask must bring the error below this part of what it was */
+#define STRICT    .4    /* part of the error that a beam or gate may leave */
+#define REMAINDER .9    /* the measurements' own scatter must not come back as a remainder */
+#define NEAR_TIE  1.25  /* of the least error: models that saw the occluder win */
+#define CERTAIN   0.02  /* error that needs no further mask */
+#define STEADY    0.012 /* scatter of the shares about 1 of a lamp that nothing hides */
+#define WIDE      (3.0) /* texels: a lamp not wider loses nothing by one share for all of it */
+
+typedef int hypothesis(model *m, const lamp *l, const lightfield *f, const pictures *p);
+
+static const struct {
+    hypothesis *fit;
+    const char *name;
+    int last;   /* nothing is added after it */
+    int strict; /* a form that fits or doesn't: half-way is not it */
+} TABLE[] = {{smooth_beam, "beam", 0, 1},
+             {smooth_gate, "gate", 0, 1},
+             {layers_sheet, "sheet", 0, 0},
+             {layers_stack, "stack", 0, 0},
+             {smooth_process, "smooth", 1, 0}};
+enum { KINDS = sizeof TABLE / sizeof *TABLE };
+
+static void say(model *m, const char *name)
+{
+    const size_t n = strlen(m->name);
+
+    snprintf(m->name + n, sizeof m->name - n, "%s%s", n ? " x " : "", name);
+}
+
+/* Error that asks for no further mask: twice the scatter of what probes that see all of the lamp say. */
+static double enough(const lamp *l)
+{
+    double sum = 0, all = 0;
+
+    for (int k = 0; k < l->nrows; k++) {
+        const row *r = &l->rows[k];
+        if (fabs(l->seen[r->probe] - 1) > .03) continue;
+        sum += r->share * (r->value - 1) * (r->value - 1), all += r->share;
+    }
+    return all > 0 ? fmax(CERTAIN, 2 * sqrt(sum / all)) : CERTAIN;
+}
+
+/* One more mask: the best of all kinds (in the table's order, until one is good enough) goes to *best; *last
+ * if nothing should follow it. */
+static int one_more(model *best, int *last, const model *base, const lamp *l, const lightfield *f,
+                    const pictures *pics)
+{
+    model m[KINDS];
+    int ok[KINDS], pick = -1, bad = 0;
+    const double goal = enough(l);
+
+    for (int k = 0; k < KINDS; k++) {
+        ok[k] = 0, memset(&m[k], 0, sizeof m[k]);
+        if (pick >= 0 && m[pick].error < goal) continue;
+        bad |= model_copy(&m[k], base);
+        const int r = bad ? -1 : TABLE[k].fit(&m[k], l, f, pics);
+        ok[k] = r == 0 && (!TABLE[k].strict || m[k].error < fmax(STRICT * base->error, goal)), bad |= r < 0;
+        if (ok[k] && (pick < 0 || m[k].error < m[pick].error)) pick = k;
+    }
+    for (int k = 0; k < KINDS && pick >= 0; k++)
+        if (ok[k] && m[k].saw > m[pick].saw && m[k].error < NEAR_TIE * m[pick].error) pick = k;
+    for (int k = 0; k < KINDS; k++)
+        if (k != pick) model_free(&m[k]);
+    if (pick < 0) return bad ? -1 : 1;
+    *best = m[pick], *last = TABLE[pick].last;
+    say(best, TABLE[pick].name);
+    return bad ? -1 : 0;
+}
+
+static int chain(model *base, const lamp *l, const lightfield *f, const pictures *pics)
+{
+    for (int round = 0; round < ROUNDS && base->error > enough(l); round++) {
+        model next;
+        int last, r = one_more(&next, &last, base, l, f, pics);
+        if (r < 0) return -1;
+        if (r > 0) break;
+        if (next.error >= HELPS * base->error) {
+            model_free(&next);
+            break;
+        }
+        model_free(base);
+        *base = next;
+        if (last) break;
+    }
+    return 0;
+}
+
+/* What the masks leave of the measurements, interpolated: kept where it helps. */
+static int remainder_too(model *base, const lamp *l, const lightfield *f)
+{
+    model more;
+
+    if (!base->n || base->n >= MODEL_MASKS) return 0;
+    if (model_copy(&more, base) || smooth_interpolation(&more, l, f, 1) < 0) return -1;
+    if (more.error < REMAINDER * base->error) {
+        model_free(base);
+        *base = more;
+        say(base, "remainder");
+    } else model_free(&more);
+    return 0;
+}
+
+static int take_masks(lamp *l, const model *m)
+{
+    ilf_luminaire *b = &l->s.l;
+
+    b->masks = calloc((size_t)(m->n + 1), sizeof *b->masks);
+    if (!b->masks) return -1;
+    for (int k = 0; k < m->n; k++) {
+        b->masks[k] = m->m[ALL][k];
+        const size_t bytes = mask_bytes(&b->masks[k]);
+        if (b->masks[k].grid) {
+            b->masks[k].grid = malloc(bytes);
+            if (!b->masks[k].grid) return -1;
+            memcpy(b->masks[k].grid, m->m[ALL][k].grid, bytes);
+        }
+        b->nmasks++;
+    }
+    return 0;
+}
+
+int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e)
+{
+    lamp *l = &it->l;
+    model plain = {0};
+    const double texels = l->width / fmax(f->dp, f->dt);
+
+    memset(&it->best, 0, sizeof it->best);
+    model_judge(&it->best, l, f);
+    if (smooth_interpolation(&plain, l, f, 0) < 0) goto memory;
+    it->interpolation = plain.error;
+    say(&plain, "interpolation");
+    it->fate = TAKEN;
+    const double alone = it->best.error;
+    if (alone > STEADY && (chain(&it->best, l, f, pics) || remainder_too(&it->best, l, f))) goto memory;
+    if (alone > STEADY && it->best.error >= HELPS * it->interpolation) {
+        if (texels > WIDE) it->fate = UNEXPLAINED;
+        model_free(&it->best);
+        it->best = plain;
+    } else model_free(&plain);
+    if (take_masks(l, &it->best)) goto memory;
+    return 0;
+memory:
+    return err_set(e, "no memory for a lamp's hypotheses");
+}

@@ -1,0 +1,161 @@
+/*
+ * sheet.c - one sheet (a card) that hides a lamp.  Heights are tried from low to high: at each, the mask that
+ * follows the pictures' mean and the rows of three quarters of the probes is judged by the rows of the
+ * fourth.  From the best heights an outline is drawn sharp, which also sets height and slopes.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "layers.h"
+#include "outline.h"
+#include "sheetgrid.h"
+
+enum { HEIGHTS = 16, COARSE = 40, FINE = 112, STARTS = 2 };
+#define ABOVE   .45 /* sizes of the plane beyond its edges that a sheet must cover */
+#define STIFF   3
+#define OBLIQUE .93
+
+typedef struct job {
+    const model *m;
+    const lamp *l;
+    const lightfield *f;
+} job;
+
+static double *ones(int n)
+{
+    double *v = malloc((size_t)n * sizeof *v);
+
+    for (int k = 0; v && k < n; k++) v[k] = 1;
+    return v;
+}
+
+/* Left-out rows' mean square error of a level sheet at height h; -1 without memory. */
+static double height_error(const job *j, double h)
+{
+    const double plane[3] = {h, 0, 0};
+    sheetgrid g;
+    backview b;
+    double sum = 0, all = 0;
+
+    sheetgrid_make(&g, plane, j->l->s.l.centre, j->f, ABOVE, COARSE);
+    if (backview_make(&b, &g, j->f)) return -1;
+    double *M = ones(g.nx * g.ny), *B = malloc((size_t)(g.nx * g.ny) * sizeof *B);
+    cellrow *rows = malloc((size_t)(j->l->nrows + 1) * sizeof *rows);
+    int bad = !M || !B || !rows;
+    for (int fold = 0; fold < FOLDS && !bad; fold++) {
+        cellrows_make(rows, &g, j->l, j->f, j->m->m[fold], j->m->n);
+        backview_mean(B, &b, &g, fold);
+        bad = walker(M, B, &g, rows, j->l->nrows, j->f, fold, STIFF);
+        for (int k = 0; k < j->l->nrows; k++) {
+            if (fold_of(j->f, rows[k].probe) != fold) continue;
+            const double e = cellrow_value(&rows[k], M) - rows[k].value;
+            sum += rows[k].share * e * e, all += rows[k].share;
+        }
+    }
+    free(M), free(B), free(rows);
+    backview_free(&b);
+    return bad ? -1 : sum / all;
+}
+
+/* The sheet that starts at a plane, without the probes of a fold. */
+static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, const sheetgrid *from,
+                      const backview *b, int moves)
+{
+    sheetgrid g = *from;
+    outline o = {0};
+
+    double *M = ones(g.nx * g.ny), *B = malloc((size_t)(g.nx * g.ny) * sizeof *B);
+    cellrow *rows = malloc((size_t)(j->l->nrows + 1) * sizeof *rows);
+    int bad = M && B && rows ? 0 : -1;
+    if (!bad) {
+        cellrows_make(rows, &g, j->l, j->f, j->m->m[fold], j->m->n);
+        backview_mean(B, b, &g, fold);
+        bad = walker(M, B, &g, rows, j->l->nrows, j->f, fold, STIFF);
+    }
+    if (!bad) bad = outline_trace(&o, M, &g);
+    for (int round = 0; round < 4 && !bad; round++)
+        bad = outline_settle(&o, j->f, fold, round < 1 ? 1 : moves);
+    if (!bad) {
+        sheetgrid_make(&g, o.plane, j->l->s.l.centre, j->f, ABOVE, FINE);
+        bad = outline_mask(mask, &o, &g);
+    }
+    free(M), free(B), free(rows);
+    if (keep && !bad) *keep = o;
+    else outline_free(&o);
+    return bad;
+}
+
+/* All five versions of the sheet from a start. */
+static int sheet_from(model *m, const job *j, const double start[3], int moves)
+{
+    outline o = {0};
+    sheetgrid g;
+    backview b;
+
+    sheetgrid_make(&g, start, j->l->s.l.centre, j->f, ABOVE, FINE);
+    if (backview_make(&b, &g, j->f)) return -1;
+    int bad = sheet_once(&m->m[ALL][m->n], &o, j, ALL, &g, &b, moves);
+    for (int fold = 0; fold < FOLDS && !bad; fold++)
+        bad = sheet_once(&m->m[fold][m->n], NULL, j, fold, &g, &b, moves);
+    backview_free(&b);
+    if (bad) return outline_free(&o), bad;
+    const double sure = o.sure;
+    m->height = o.plane[0] + (o.plane[1] * j->f->len_u + o.plane[2] * j->f->len_v) / 2;
+    outline_free(&o);
+    m->n++;
+    m->saw = sure > .5;
+    model_judge(m, j->l, j->f);
+    return 0;
+}
+
+/* A sheet from a start becomes the best if its error is below `part` of the best's so far. */
+static int attempt(model *best, int *any, const model *base, const job *j, const double start[3], int moves,
+                   double part)
+{
+    model t;
+
+    if (model_copy(&t, base)) return -1;
+    const int r = sheet_from(&t, j, start, moves);
+    if (!r && (!*any || t.error < part * best->error)) {
+        model_free(best);
+        *best = t, *any = 1;
+    } else model_free(&t);
+    return r < 0 ? -1 : 0;
+}
+
+int layers_sheet(model *m, const lamp *l, const lightfield *f, const pictures *pics)
+{
+    const job j = {m, l, f};
+    double h[HEIGHTS], e[HEIGHTS], lowest = 0;
+    model best = {0};
+    int tried[HEIGHTS] = {0}, any = 0;
+
+    (void)pics;
+    for (int k = 0; k < HEIGHTS; k++) {
+        h[k] = l->s.l.centre[2] * (.08 + .87 * k / (HEIGHTS - 1)), e[k] = height_error(&j, h[k]);
+        if (e[k] < 0) return -1;
+    }
+    for (int s = 0; s < STARTS; s++) {
+        int k = -1;
+        for (int q = 0; q < HEIGHTS; q++)
+            if (!tried[q] && (q == 0 || e[q] <= e[q - 1] || tried[q - 1]) &&
+                (q + 1 == HEIGHTS || e[q] <= e[q + 1] || tried[q + 1]) && (k < 0 || e[q] < e[k]))
+                k = q;
+        if (k < 0 || (s && e[k] > 2.5 * lowest)) break;
+        if (!s) lowest = e[k];
+        tried[k] = 1;
+        const double start[3] = {h[k], 0, 0};
+        if (attempt(&best, &any, m, &j, start, 1, 1)) return -1;
+    }
+    if (any) { /* oblique only where that clearly helps: a short edge says little about slopes */
+        double start[3];
+        memcpy(start, best.m[ALL][m->n].plane, sizeof start);
+        if (attempt(&best, &any, m, &j, start, 3, OBLIQUE)) return -1;
+    }
+    if (!any) return 1;
+    model_free(m);
+    *m = best;
+    return 0;
+}
