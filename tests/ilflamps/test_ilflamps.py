@@ -46,6 +46,7 @@ def irradiance(img, nu, nv, n_theta, n_phi):
     return np.einsum("jyixc,y->jic", v, w)
 
 
+@pytest.mark.sweep
 def test_lamps_stand_where_they_stand(card):
     assert len(card["lamps"]) == 2
     for centre, radius, rgb in (YELLOW, BLUE):
@@ -57,12 +58,14 @@ def test_lamps_stand_where_they_stand(card):
         assert power == pytest.approx(1, abs=.01)
 
 
+@pytest.mark.sweep
 def test_the_card_is_found(card):
     hidden = max(card["lamps"], key=lambda l: l["error_of_interpolation"])
     assert "sheet" in hidden["model"] and hidden["height"] == pytest.approx(1.2, abs=.02)
     assert hidden["error"] < .4 * hidden["error_of_interpolation"]
 
 
+@pytest.mark.sweep
 def test_better_where_it_matters_and_never_worse(folder, card):
     one, two, _ = rooms.run(carded(), str(folder / "card.ilf.exr"), [], rooms.Score(carded(), patches=3))
     for z in one:
@@ -77,12 +80,14 @@ def test_no_lamps_nothing_changes(folder):
     assert np.array_equal(texels(folder / "k.ilf.exr"), texels(folder / "card.ilf.exr"))
 
 
+@pytest.mark.sweep
 def test_composed_it_is_the_field_again(folder, card):
     run("ilflamps", "--compose", folder / "again.ilf.exr", folder / "card.ilf.exr")
     a, b = (irradiance(texels(folder / f"{n}.ilf.exr"), 6, 6, 160, 80) for n in ("again", "card"))
     assert np.sqrt(((a - b) ** 2).mean()) < .02 * b.mean()
 
 
+@pytest.mark.sweep
 def test_a_lamp_put_out_is_a_room_without_it(folder, card):
     blue = 1 + min(range(2), key=lambda k: np.linalg.norm(np.subtract(card["lamps"][k]["position"], BLUE[0])))
     run("ilflamps", "--set", f"{blue}.off", "--compose", folder / "off.ilf.exr", folder / "card.ilf.exr")
@@ -93,6 +98,7 @@ def test_a_lamp_put_out_is_a_room_without_it(folder, card):
     assert np.sqrt(((off - true) ** 2).mean()) < .02 * true.mean()
 
 
+@pytest.mark.sweep
 def test_threads_change_nothing(folder, card):
     for n in (1, 3):
         run("ilflamps", "--threads", str(n), "--report", folder / f"t{n}.json", "--compose", folder / f"t{n}.ilf.exr", folder / "card.ilf.exr")
