@@ -9,8 +9,8 @@ bench-render: radiance $(B)/test/ilfspeed $(B)/test/ilfcopy $(STOCK)/bin/rpict $
 .PHONY: bench-stock
 bench-stock: $(STOCK)/bin/rpict
 $(STOCK)/bin/rpict: radiance_patch/unpack.sh $(if $(RADIANCE_SRC),,$(B0)/radiance/sdist.tar.gz)
-	@mkdir -p $(STOCK)/bin $(STOCK)/unpack $(STOCK)/obj && cp radiance_patch/unpack.sh $(STOCK)/unpack/ && : >$(STOCK)/unpack/series
-	@sh $(STOCK)/unpack/unpack.sh "$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(B0)/radiance/sdist.tar.gz)" $(STOCK)/src
+	@mkdir -p $(STOCK)/bin $(STOCK)/obj
+	@sh radiance_patch/unpack.sh "$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(B0)/radiance/sdist.tar.gz)" $(STOCK)/src unpatched >/dev/null
 	@echo "  CC  unpatched rpict"
 	@printf 'char VersionID[]="unpatched";\n' >$(STOCK)/obj/Version.c
 	$(Q)cd $(STOCK)/obj && $(CC) $(OPT) -w -fcommon -std=gnu99 -DALIGNT=double -I../src/common -I../src/rt -c Version.c \

@@ -148,39 +148,43 @@ typedef enum ilf_mode {
 ilf_status ilf_eval(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3],
                     const double dir[3], const double *hit, ilf_mode mode, ilf_error *err);
 
-/* ---- sampling -----------------------------------------------------------------------------
+/* ---- what is bright ---------------------------------------------------------------------------
  *
  * A light field is split by luminance at a threshold T into a smooth base and an excess,
  *     L = min(L, T) + max(L - T, 0)        (colour kept: both parts have L's chromaticity)
- * of which the excess is small in solid angle and worth aiming at.  What is bright at a point is a
- * two-dimensional slice of the four-dimensional field; slices are built per cube of space on first
- * use, from a list of the probes' bright patches, and never miss a patch that only a part of
- * the cube sees.  A sampler belongs to one thread; its field must stay open. */
+ * of which the excess is small in solid angle and worth aiming at.  The list of the probes' bright
+ * patches is made once, is not changed any more, and may be shared by threads; its field must stay open. */
 
-typedef struct ilf_sampler ilf_sampler;
-typedef struct ilf_slice ilf_slice;
+typedef struct ilf_patches ilf_patches;
 
-/* Where a ray from the plane meets the auxiliary geometry: 1 and the point, or 0 when it meets none (the
- * light then counts as infinitely far away).  Coordinates as the frame's. */
+/* Where a ray meets the auxiliary geometry: 1 and the point, or 0 when it meets none (the light then
+ * counts as infinitely far away).  Coordinates as the frame's. */
 typedef int ilf_hit_fn(double hit[3], const double origin[3], const double dir[3], void *context);
 
-typedef struct ilf_sampler_spec {
-    ilf_mode mode;    /* as lookups will use */
-    ilf_hit_fn *hit;  /* for ILF_DEPTH; NULL: the light is infinitely far away */
-    void *context;    /* for hit */
-    double threshold; /* T as luminance of ilf_luminance; 0: 3 times the mean of what the field has above 0 */
-    double cube;      /* edge of the cubes of space; 0: from the probes' pitch */
-} ilf_sampler_spec;
+/* A shiny ball of the scene, in which matt things beside it see the light field's lamps (see ilf_light). */
+typedef struct ilf_ball {
+    double centre[3], radius; /* frame's coordinates */
+    double roughness;         /* Ward's alpha, the root mean square slope of its facets; 0: a mirror */
+} ilf_ball;
+
+typedef struct ilf_patches_spec {
+    ilf_mode mode;         /* as lookups will use */
+    ilf_hit_fn *hit;       /* for ILF_DEPTH, while the list is made; NULL: the light is infinitely far away */
+    void *context;         /* for hit */
+    double threshold;      /* T, as of ilf_luminance; 0: 3 times the mean of what the field has above 0 */
+    double cube;           /* edge of the cubes of space that share a slice; 0: from the probes' pitch */
+    const ilf_ball *balls; /* copied; if more than 64 of them see lamps, glints are left to blind rays */
+    int n_balls;
+} ilf_patches_spec;
 
 /* Find what is bright in the field: every probe is looked through once.  NaN texels are
  * refused as in lookups. */
-ilf_status ilf_sampler_open(ilf_sampler **sampler, const ilf *field, const ilf_frame *frame,
-                            const ilf_sampler_spec *spec, ilf_error *err);
-void ilf_sampler_close(ilf_sampler *sampler); /* NULL allowed */
+ilf_status ilf_patches_open(ilf_patches **patches, const ilf *field, const ilf_frame *frame,
+                            const ilf_patches_spec *spec, ilf_error *err);
+void ilf_patches_close(ilf_patches *patches); /* NULL allowed; after the samplers over it */
 
-double ilf_sampler_threshold(const ilf_sampler *sampler);
-int64_t ilf_sampler_patches(const ilf_sampler *sampler); /* 0: nothing exceeds the threshold */
-int64_t ilf_sampler_slices(const ilf_sampler *sampler);  /* built so far */
+double ilf_patches_threshold(const ilf_patches *patches);
+int64_t ilf_patches_count(const ilf_patches *patches); /* 0: nothing exceeds the threshold */
 
 /* Radiance's luminance of a colour, without the 179 lm/W. */
 static inline double ilf_luminance(const float rgb[3])
@@ -188,18 +192,15 @@ static inline double ilf_luminance(const float rgb[3])
     return 0.265 * (double)rgb[0] + 0.670 * (double)rgb[1] + 0.065 * (double)rgb[2];
 }
 
-/* The part of a radiance that is excess over the threshold (0 or more), 0 to 1: excess = part * rgb, base =
- * (1 - part) * rgb. A channel of the excess may be below 0, its luminance is not. */
+/* The part of a radiance that is excess over the threshold (0 or more), 0 to 1:
+ *     excess = part * rgb, base = (1 - part) * rgb
+ * A channel of the excess may be below 0, its luminance is not. */
 static inline double ilf_excess_part(const float rgb[3], double threshold)
 {
     const double y = ilf_luminance(rgb);
 
     return y > threshold ? 1 - threshold / y : 0;
 }
-
-/* The slice of the excess that the cube around a point sees.  *slice is NULL where nothing bright
- * reaches; else it is owned by the sampler and valid until the next call. */
-ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *sampler, const double point[3], ilf_error *err);
 
 /* A lamp: bright patches that lie together as seen from somewhere. */
 typedef struct ilf_lamp {
@@ -210,8 +211,33 @@ typedef struct ilf_lamp {
 
 /* The lamps, brightest first, that can be seen from within a ball (frame's coordinates).
  * At most `most` are written to lamps, their number to *n. */
-ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *sampler, const double centre[3],
-                             double radius, ilf_error *err);
+ilf_status ilf_patches_lamps(ilf_lamp *lamps, int *n, int most, const ilf_patches *patches,
+                             const double centre[3], double radius, ilf_error *err);
+
+/* ---- directions -------------------------------------------------------------------------------
+ *
+ * What is bright at a point is a two-dimensional slice of the four-dimensional field.  Slices are built per
+ * cube of space on first use, from the list of patches, and never miss a patch that only a part of the cube
+ * sees.  A sampler holds one thread's slices; what it draws hangs on no other thread. */
+
+typedef struct ilf_sampler ilf_sampler;
+typedef struct ilf_slice ilf_slice;
+
+ilf_status ilf_sampler_open(ilf_sampler **sampler, const ilf_patches *patches, ilf_error *err);
+void ilf_sampler_close(ilf_sampler *sampler); /* NULL allowed */
+
+/* What a sampler has done so far. */
+typedef struct ilf_work {
+    int64_t slices;     /* built */
+    int64_t candidates; /* drawn and weighed by ilf_light */
+    int64_t rays;       /* that it had traced towards the light field */
+    int64_t glints;     /* that it had traced towards mirror images of lamps */
+} ilf_work;
+void ilf_sampler_work(ilf_work *work, const ilf_sampler *sampler);
+
+/* The slice of the excess that the cube around a point sees.  *slice is NULL where nothing bright
+ * reaches; else it is owned by the sampler and valid until the next call. */
+ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *sampler, const double point[3], ilf_error *err);
 
 /* One direction drawn from a slice. */
 typedef struct ilf_draw {
@@ -229,14 +255,87 @@ void ilf_sample(ilf_draw *draw, ilf_slice *slice, double u, double v, double w);
 /* The density per steradian with which ilf_sample draws a direction (plane's coordinates, any length). */
 double ilf_pdf(const ilf_slice *slice, const double dir[3]);
 
-/* A slice's memory of the points that drew from it, for adapting their number: kept apart from the estimate
- * itself, so that adapting does not bias it. */
-typedef struct ilf_past {
-    double visible, tests; /* shadow rays that came through, and all */
-    double mean2, var;     /* sums of squared means, and of variances, of the candidates' weights */
-} ilf_past;
-void ilf_slice_record(ilf_slice *slice, const ilf_past *more);
-void ilf_slice_history(const ilf_slice *slice, ilf_past *past);
+/* ---- lighting a point ---------------------------------------------------------------------------
+ *
+ * A renderer (the host) asks for the excess at each point that it shades, and lets its own rays see the rest:
+ *
+ *     ilf_light    the excess that comes to the point straight from the light field (many candidates from the
+ *                  slice, of which a few are chosen by lobe * excess and traced), and by way of shiny balls
+ *     ilf_ray_part what another ray, that met the light field, counts of it, so that nothing counts twice
+ *
+ * The sum has the right mean for every lobe, threshold, and number of samples. */
+
+/* Components of a lobe, for hosts that tell them apart. */
+enum { ILF_DIFFUSE = 1, ILF_GLOSSY = 2 };
+
+/* A point to be lit. */
+typedef struct ilf_point {
+    double position[3]; /* frame's coordinates */
+    int lobes;          /* components that want the excess straight from the light field; 0: none does */
+    int glint_lobes;    /* components that want it by way of shiny balls */
+    int narrow;         /* its lobe is narrow: the number of its candidates does not go by other points' */
+    int apart;          /* its tests are not remembered for other points */
+    int samples;        /* rays of a point that counts in full, 1 or more */
+    double weight;      /* how much of the result hangs on the point, 0 to 1 */
+} ilf_point;
+
+/* One ray that ilf_light wants traced from the point: scale * coef * what it finds is to be added to the
+ * result. */
+typedef struct ilf_aim {
+    const double *dir; /* unit vector, frame's coordinates */
+    const void *coef;  /* as the host's lobe left it */
+    double scale;
+} ilf_aim;
+
+/* What random numbers are for: a host with a sequence of many dimensions tells them apart. */
+enum { ILF_ALONG_MAP, ILF_IN_CELL_U, ILF_IN_CELL_V, ILF_CHOICE, ILF_GLINT_RADIUS, ILF_GLINT_ANGLE };
+
+/* What a host does for ilf_light.  Calls come from within ilf_light, in the same thread; shadow and glint may
+ * call ilf_light again (for points that their rays meet), and may leave it for good (longjmp, exit). */
+typedef struct ilf_host {
+    /* A number in [0, 1), independent of all others but those of its dimension at other points. */
+    double (*random)(int dimension, void *context);
+    /* The point's coefficient for light from direction dir (a unit vector): reflected radiance per radiance
+     * and steradian, cosine included, of the components in `lobes`, in the host's own kind of colour, to coef
+     * (coef_bytes).  Returns how much it counts (a luminance, say, or the largest channel): 0 where it is 0,
+     * above 0 elsewhere. */
+    double (*lobe)(void *coef, const double dir[3], int lobes, void *context);
+    /* Trace a ray and add the light field's excess that it meets, straight on.  Returns 1 if it met some, 0
+     * if not. */
+    int (*shadow)(const ilf_aim *aim, void *context);
+    /* Trace a ray and add the excess that it meets after its reflection in ball number `ball`, and nothing if
+     * it meets another thing before; NULL: no glints. */
+    void (*glint)(const ilf_aim *aim, int ball, void *context);
+    /* Auxiliary geometry as for ilf_patches_open; NULL: infinitely far away. */
+    ilf_hit_fn *hit;
+    size_t coef_bytes;
+    void *context;
+} ilf_host;
+
+/* Light a point.  The sampler's field, frame and depth correction count.  Fails only where a probe can't be
+ * read, or for want of memory. */
+ilf_status ilf_light(ilf_sampler *sampler, const ilf_point *point, const ilf_host *host, ilf_error *err);
+
+/* Parts of a radiance. */
+typedef enum ilf_part { ILF_NONE = 0, ILF_BASE = 1, ILF_EXCESS = 2, ILF_ALL = 3 } ilf_part;
+
+/* How a ray came to meet the light field, by its last turn; passing through something undeflected is none. */
+typedef struct ilf_way {
+    int aimed;     /* 1: traced by shadow at this light field and not turned since, or by glint and turned by
+                    * that ball alone; -1: by one of them, but otherwise; 0: by none of them */
+    int scattered; /* drawn from a lobe at a point where ilf_light was asked for it */
+    int in_glint;  /* mirrored by a ball, in whose glint (ilf_glint_ball) a lobe had sent it */
+} ilf_way;
+
+/* What such a ray counts: what ilf_light does not. */
+ilf_part ilf_ray_part(const ilf_way *way);
+
+/* The ball in whose glints (those that ilf_light samples at a point) a direction from there lies, or -1. */
+int ilf_glint_ball(const ilf_patches *patches, const double point[3], const double dir[3]);
+
+/* A part of the radiance that arrives along a ray; arguments as ilf_eval's. */
+ilf_status ilf_eval_part(float rgb[3], const ilf_patches *patches, ilf_part part, const double origin[3],
+                         const double dir[3], const double *hit, ilf_error *err);
 
 /* ---- writing ------------------------------------------------------------------------------ */
 

@@ -74,7 +74,7 @@ $(RADOBJ)/rt/Version.o: Makefile $(B)/flags/radiance | $(RAD)/.patched
 	@mkdir -p $(@D)
 	@printf 'char VersionID[]="%s, with the ilf material $(VERSION)";\n' "$$(cat $(RAD)/rt/VERSION)" | $(CC) -x c -c -o $@ -
 # ours, in Radiance's idiom, with our sanitizers
-RAD_OURS := $(patsubst %,$(RADOBJ)/rt/%.o,m_ilf ilfsrc ilfmark ilfamb ilfglint)
+RAD_OURS := $(patsubst %,$(RADOBJ)/rt/%.o,m_ilf ilfobj ilffile ilfmark ilfamb ilfshiny reflup)
 $(RAD_OURS): $(RADOBJ)/rt/%.o: radiance_patch/%.c $(B)/flags/radiance | $(RAD)/.patched
 	@mkdir -p $(@D)
 	@echo "  CC  $<"

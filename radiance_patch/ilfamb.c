@@ -12,6 +12,7 @@
 #include  "resolu.h"
 #include  "ambient.h"
 #include  "ilfsrc.h"
+#include  "ilfobj.h"
 
 /*
  *	An ambient value is what a surface gets from all around but from light
@@ -106,26 +107,15 @@ ourlines(			/* get the scene's light fields */
 {
 	ILFMAT  *ip;
 	LFLINE  *np;
-	ilf_error  err;
-	uint64_t  digest;
 	char  *s;
-	FVECT  n;
 	int  i;
 
-	for (ip = ilfmats; ip != NULL; ip = ip->next) {
+	for (ip = ilflist.shown; ip != NULL; ip = ip->next) {
 		np = newline(lp);
 		np->sampled = (ip->sn >= 0);
-		np->depth = (ip->mode == ILF_DEPTH);
-		if (ilf_digest(&digest, ip->file->field, &err) != ILF_OK)
-			ilferror(ip->m, &err);
-		np->digest = digest;
-		VCOPY(np->o, ip->frame.origin);
-		for (i = 0; i < 3; i++) {
-			np->u[i] = ip->frame.u[i]*ip->frame.len_u;
-			np->v[i] = ip->frame.v[i]*ip->frame.len_v;
-		}
-		VCROSS(n, np->u, np->v);
-		np->side = DOT(n, ip->frame.n) < 0. ? '-' : '+';
+		np->depth = ip->depth;
+		np->digest = ilfvalues(ip);
+		np->side = ilfplane(ip, np->o, np->u, np->v);
 		s = strrchr(ip->file->path, '/');
 		strncpy(np->name, s == NULL ? ip->file->path : s+1,
 				sizeof(np->name)-1);
@@ -151,7 +141,7 @@ ilfputamb(			/* tell new ambient file's light fields */
 	const LFLINE  *a;
 	int  i;
 
-	if (ilfmats == NULL)
+	if (ilflist.shown == NULL)
 		return;
 	ourlines(&ours);
 	for (a = ours.l; a < ours.l+ours.n; a++) {
@@ -253,12 +243,14 @@ ilfcheckamb(			/* check ambient file's light fields */
 )
 {
 	LFLIST  ours = {NULL, 0}, theirs = {NULL, 0};
+	off_t  start = ftello(fp);
 	char  found[256];
 	int  i;
-					/* rest of header is checked after us */
+					/* rest of header is others' business */
+	rewind(fp);
 	if (getheader(fp, getline1, (void *)&theirs) < 0)
 		theirs.n = 0;
-	else if ((ilfmats != NULL) | (theirs.n > 0)) {
+	else if ((ilflist.shown != NULL) | (theirs.n > 0)) {
 		ourlines(&ours);
 		for (i = 0; i < ours.n; i++)
 			findline(&theirs, ours.l+i);
@@ -271,5 +263,5 @@ ilfcheckamb(			/* check ambient file's light fields */
 	}
 	free((void *)ours.l);
 	free((void *)theirs.l);
-	rewind(fp);
+	fseeko(fp, start, SEEK_SET);
 }

@@ -1,7 +1,7 @@
 /*
  * Find the surfaces that show incident light fields
  *
- *  External symbols declared in ilfsrc.h
+ *  External symbols declared in ilfsrc.h, and in ilfmark.h
  */
 
 #include "copyright.h"
@@ -14,6 +14,8 @@
 #include  "ambient.h"
 #include  "pmap.h"
 #include  "ilfsrc.h"
+#include  "ilfobj.h"
+#include  "ilfmark.h"
 #include  "ilfoct.h"
 
 /*
@@ -41,18 +43,18 @@ typedef struct octname {
 }  OCTNAME;			/* an octree that we looked at */
 
 typedef struct {
+	OCTNAME  *seen;			/* octrees that we looked at */
+	int  nsurf;			/* surfaces found */
+	int  warned;			/* said that photons don't know it */
+}  SEARCH;			/* what we found so far */
+
+typedef struct {
 	OBJREC  *o;			/* surface */
 	const FULLXF  *xf;		/* where its scene is, NULL for world */
+	SEARCH  *sp;			/* who asks */
 }  PLACE;			/* a surface, somewhere */
 
 typedef int  ilfuse_f(OBJREC *m, int subst, void *p);
-
-ILFMAT  *ilfmats = NULL;		/* light fields that surfaces show */
-
-static int  nplaces = 0;		/* places in instances */
-static int  nsurf = 0;			/* surfaces found */
-static int  nsubst = 0;			/* substitutes found */
-static int  looked = 0;			/* did we look for all? */
 
 
 static int
@@ -128,46 +130,6 @@ ilfplaced(			/* get light field as placed where ray met it */
 }
 
 
-static ILFMAT *
-newplace(			/* place light field once more */
-	ILFMAT  *base,
-	const FULLXF  *xf,
-	OBJREC  *m
-)
-{
-	ilf_frame  *fp = &base->frame;
-	FVECT  o, u, v, n;
-	ilf_error  err;
-	ILFMAT  *ip;
-	int  i;
-
-	ip = (ILFMAT *)malloc(sizeof(ILFMAT));
-	if (ip == NULL)
-		error(SYSTEM, "out of memory in newplace");
-	*ip = *base;
-	ip->sn = -1;			/* nothing but the field is shared */
-	ip->smp = NULL;
-	ip->ball = NULL;
-	ip->nballs = -1;
-	ip->marked = ip->mixed = 0;
-	ip->next = NULL;
-	ip->xf = *xf;
-	ip->inside = 1;
-	for (i = 0; i < 3; i++) {
-		u[i] = fp->u[i]*fp->len_u;
-		v[i] = fp->v[i]*fp->len_v;
-	}
-	multp3(o, fp->origin, ip->xf.f.xfm);
-	multv3(u, u, ip->xf.f.xfm);
-	multv3(v, v, ip->xf.f.xfm);
-	multv3(n, fp->n, ip->xf.f.xfm);
-	if (ilf_frame_init(&ip->frame, o, u, v, n, &err) != ILF_OK)
-		ilferror(m, &err);
-	base->place = ip;
-	return(ip);
-}
-
-
 static int
 markilf(			/* note that surface shows light field */
 	OBJREC  *m,
@@ -175,33 +137,32 @@ markilf(			/* note that surface shows light field */
 	void  *p
 )
 {
-	static int  warned = 0;
 	const PLACE  *pl = (const PLACE *)p;
 	ILFMAT  *ip = getilf(m);
 	int  ns;
 
-	if (photonMapping && !warned++)
+	if (photonMapping && !pl->sp->warned++)
 		objerror(m, WARNING, "no photons come from a light field");
-	nsurf++;
-	nsubst += (subst != 0);
+	pl->sp->nsurf++;
+	ilflist.nsubst += (subst != 0);
 	if (pl->xf != NULL) {		/* in an instance */
 		ILFMAT  *base = ip;
 		while ((ip = ip->place) != NULL)
 			if (samexf(&ip->xf, pl->xf))
 				break;
 		if (ip == NULL) {
-			if (nplaces++ == ILFMAXPLACE)
+			if (ilflist.nplaces++ == ILFMAXPLACE)
 				objerror(m, WARNING,
 	"in too many instances: the literal method is used in the rest of them");
-			if (nplaces > ILFMAXPLACE)
+			if (ilflist.nplaces > ILFMAXPLACE)
 				return(1);
-			ip = newplace(base, pl->xf, m);
+			ip = placeilf(base, pl->xf, m);
 		}
 	}
 	if (!ip->marked++) {
 		ip->m = m;
-		ip->next = ilfmats;
-		ilfmats = ip;
+		ip->next = ilflist.shown;
+		ilflist.shown = ip;
 	}
 	if (findmaterial(pl->o) != m)
 		ip->mixed = 1;
@@ -230,15 +191,15 @@ memerr:
 
 static int
 octreehas(			/* does instance's octree show a light field? */
-	OBJREC  *o
+	OBJREC  *o,
+	SEARCH  *sp
 )
 {
-	static OCTNAME  *seen = NULL;
 	OCTNAME  *np;
 
 	if (o->oargs.nsargs < 1)
 		return(0);
-	for (np = seen; np != NULL; np = np->next)
+	for (np = sp->seen; np != NULL; np = np->next)
 		if (!strcmp(np->name, o->oargs.sarg[0]))
 			return(np->has);
 	np = (OCTNAME *)malloc(sizeof(OCTNAME));
@@ -246,8 +207,8 @@ octreehas(			/* does instance's octree show a light field? */
 		error(SYSTEM, "out of memory in octreehas");
 	np->name = savqstr(o->oargs.sarg[0]);
 	np->has = ilfinoct(o);
-	np->next = seen;
-	seen = np;
+	np->next = sp->seen;
+	sp->seen = np;
 	return(np->has);
 }
 
@@ -256,7 +217,8 @@ static void
 markobject(			/* find light fields that object shows */
 	OBJREC  *o,
 	INSTANCE  **up,		/* instances that it is in, world's first */
-	int  n
+	int  n,
+	SEARCH  *srch
 )
 {
 	FULLXF  xf;
@@ -268,18 +230,19 @@ markobject(			/* find light fields that object shows */
 	if (!issurface(o->otype) && !isvolume(o->otype))
 		return;
 	if (o->otype == OBJ_INSTANCE && o->omod == OVOID) {
-		if (n >= ILFMAXNEST || !octreehas(o))
+		if (n >= ILFMAXNEST || !octreehas(o, srch))
 			return;
 		up[n] = getinstance(o, IO_ALL);
 		sp = up[n]->obj;
 		for (i = sp->firstobj; i < sp->firstobj+sp->nobjs; i++)
-			markobject(objptr(i), up, n+1);
+			markobject(objptr(i), up, n+1, srch);
 		return;
 	}
 	if (o->omod == OVOID || (n && o->otype == OBJ_SOURCE))
 		return;			/* instances have no sources */
 	pl.o = o;
 	pl.xf = NULL;
+	pl.sp = srch;
 	if (n) {			/* products as in o_instance() */
 		xf = up[k=n-1]->x;
 		while (k-- > 0)
@@ -296,6 +259,8 @@ markilfs(			/* find all surfaces that show light fields */
 )
 {
 	INSTANCE  *up[ILFMAXNEST];
+	SEARCH  srch = {NULL, 0, 0};
+	OCTNAME  *np;
 	OBJREC  *o;
 	OBJECT  i;
 
@@ -304,10 +269,25 @@ markilfs(			/* find all surfaces that show light fields */
 		if (lit ? o->otype != OBJ_INSTANCE || o->omod != OVOID ||
 				(ilfsamp > 0) | (ambfile != NULL) :
 				o->otype == OBJ_SOURCE)
-			markobject(o, up, 0);
+			markobject(o, up, 0, &srch);
 	}
-	looked = lit;
-	return(nsurf);
+	while ((np = srch.seen) != NULL) {
+		srch.seen = np->next;
+		freeqstr(np->name);
+		free((void *)np);
+	}
+	ilflist.looked = lit;
+	return(srch.nsurf);
+}
+
+
+void
+noilfs(				/* refuse light fields that surfaces show */
+	const char  *why
+)
+{
+	if (ilflist.shown != NULL)
+		objerror(ilflist.shown->m, USER, (char *)why);
 }
 
 
@@ -338,7 +318,7 @@ ilfseen(			/* did ray meet this light field? */
 
 int
 ilfaimed(			/* is light field a source for this ray? */
-	ILFMAT  *ip,
+	const ILFMAT  *ip,
 	const RAY  *r
 )
 {
@@ -346,7 +326,7 @@ ilfaimed(			/* is light field a source for this ray? */
 
 	if (ip == NULL || ip->sn < 0)
 		return(0);
-	if (!nsubst)
+	if (!ilflist.nsubst)
 		return(1);
 	m = findmaterial(r->ro);
 	return(m == NULL || (m->otype != MAT_ILLUM) & (m->otype != MAT_MIRROR));
@@ -362,7 +342,7 @@ ilfliteral(			/* say that light field isn't a source */
 {
 	OBJREC  *rm;
 
-	if ((ilfsamp <= 0) | !looked | ip->warned | (nplaces > ILFMAXPLACE))
+	if ((ilfsamp <= 0) | !ilflist.looked | ip->warned | (ilflist.nplaces > ILFMAXPLACE))
 		return;
 	rm = findmaterial(r->ro);
 	if (rm != NULL && (rm->otype == MAT_ILLUM) | (rm->otype == MAT_MIRROR)) {

@@ -1,36 +1,29 @@
 /*
- * Shading function for incident light fields
+ * Shading function for incident light fields, and their light on other surfaces
+ *
+ *  External symbols declared in ilfsrc.h, and in source.h
  */
 
 #include "copyright.h"
 
-#include  <signal.h>
 #include  <time.h>
-#include  <unistd.h>
 
 #include  "ray.h"
 #include  "otypes.h"
+#include  "otspecial.h"
 #include  "rtotypes.h"
-#include  "paths.h"
+#include  "source.h"
+#include  "random.h"
+#include  "ambient.h"
+#include  "ilf.h"
+#include  "ilfhost.h"
 #include  "ilfsrc.h"
+#include  "ilfobj.h"
+#include  "ilfmark.h"
+#include  "ilfshiny.h"
 
 /*
- *	Arguments for an incident light field are:
- *
- *  1+ file.ilf.exr [depth|nodepth]
- *  0
- *  0
- *
- *	or, to place the light field's plane in the scene:
- *
- *  9  Ox Oy Oz  Ux Uy Uz  Vx Vy Vz
- *  12 Ox Oy Oz  Ux Uy Uz  Vx Vy Vz  Nx Ny Nz
- *
- *  The file is found along RAYPATH.  O is the corner of the sampled
- *  rectangle and U, V its edges, in place of what the file's header
- *  says; N, along plus or minus U x V, says on which side the light is.
- *
- *  The material goes on auxiliary geometry, which has no look of its
+ *	The material goes on auxiliary geometry, which has no look of its
  *  own:  a ray that meets it sees what the light field holds for that
  *  ray.  With "depth" (the default) the geometry stands for the surfaces
  *  that the light came from, and the four probes around the ray are each
@@ -39,250 +32,333 @@
  *  far away, the two are the same.  The surface's orientation does not
  *  matter.  A pattern multiplies the value.
  *
- *  The light field itself is in libilf (ilf.h).  All that happens here
- *  is translation:  arguments to handle, world to the plane's space,
- *  error to objerror().
+ *  The light field itself is in libilf (ilf.h), which also brings the
+ *  light of its bright part to surfaces:  as Radiance's sources do, in
+ *  the direct calculation.  All that happens here is translation, of
+ *  rays and materials to libilf's points, lobes and balls, and back.
  */
+
+#define  ILFOMEGA	1e-6		/* solid angle for coefficients: none
+					   of Radiance's functions may widen
+					   its lobe by it */
+#define  ILFMAXPASS	64		/* objects to pass to our surface */
+#define  ILFSTRAIGHT	1e-9		/* 1 - cosine of what isn't deflected */
+#define  ILFSEED	8713		/* keeps our dimension off others */
+
+typedef struct {
+	ILFMAT  *ip;			/* light field */
+	RAY  *r;			/* ray that met the surface */
+	srcdirf_t  *f;			/* surface's coefficients */
+	void  *p;			/* data for f */
+}  ILFHOST;			/* for whom libilf works */
+
+typedef struct ilfglint {
+	const RAY  *ray;		/* ray that looks for the glint */
+	const OBJREC  *ball;		/* where it must be mirrored */
+	SCOLOR  sum;			/* what it found */
+}  ILFGLINT;			/* a glint of a lamp on a ball */
 
 int  ilfsamp = 16;			/* samples per point */
 
-static ILFFILE  *ilflist = NULL;	/* open files */
 
-static struct sigaction  oldfault;	/* who had SIGBUS before us */
+static int
+auxhit(				/* find auxiliary geometry along ray */
+	double  hit[3],
+	const double  org[3],
+	const double  dir[3],
+	void  *p
+)
+{
+	ILFHOST  *hp = (ILFHOST *)p;
+	RAY  tr;
+	int  n;
 
-extern char  *progname;
+	rayorigin(&tr, PRIMARY, NULL, NULL);
+	tr.parent = hp->r;		/* so that newrayxf() spares its own */
+	tr.rmax = 0.0;
+	VCOPY(tr.rorg, org);
+	VCOPY(tr.rdir, dir);
+	for (n = ILFMAXPASS; n-- > 0 && localhit(&tr, &thescene); ) {
+		if (ilfseen(hp->ip, &tr)) {
+			VCOPY(hit, tr.rop);
+			return(1);
+		}
+		VCOPY(tr.rorg, tr.rop);		/* pass through others */
+		rayclear(&tr);
+	}
+	return(0);
+}
+
+
+static ilf_ball *
+makeballs(			/* describe shiny balls to libilf */
+	OBJREC  **op,
+	int  n
+)
+{
+	ilf_ball  *balls = (ilf_ball *)malloc((n+1)*sizeof(ilf_ball));
+	int  i;
+
+	if (balls == NULL)
+		error(SYSTEM, "out of memory in makeballs");
+	for (i = 0; i < n; i++) {
+		VCOPY(balls[i].centre, op[i]->oargs.farg);
+		balls[i].radius = op[i]->oargs.farg[3];
+		balls[i].roughness = shininess(findmaterial(op[i]));
+	}
+	return(balls);
+}
+
+
+static void
+findbright(			/* find (once) what is bright in light field */
+	ILFMAT  *ip,
+	RAY  *r			/* ray that asks */
+)
+{
+	ILFHOST  host = {ip, r, NULL, NULL};
+	ilf_patches_spec  spec;
+	ilf_ball  *balls;
+	ilf_error  err;
+	clock_t  start;
+
+	if (ip->sampler != NULL)
+		return;
+	start = clock();
+	memset(&spec, 0, sizeof(spec));
+	spec.mode = ip->depth ? ILF_DEPTH : ILF_NO_DEPTH;
+	spec.hit = auxhit;
+	spec.context = (void *)&host;
+	spec.n_balls = shinyballs(&ip->ball);
+	spec.balls = balls = makeballs(ip->ball, spec.n_balls);
+	if (ilf_patches_open(&ip->bright, ip->file->field, ip->frame,
+			&spec, &err) != ILF_OK ||
+			ilf_sampler_open(&ip->sampler, ip->bright,
+			&err) != ILF_OK)
+		ilferror(ip->m, &err);
+	free((void *)balls);
+	ip->setup = (double)(clock() - start) / CLOCKS_PER_SEC;
+}
+
+
+static int
+glintparts(			/* by which components does a point see glints? */
+	const RAY  *r
+)
+{
+	return((ambounce > 0 && !(r->crtype & AMBIENT) ? ILF_DIFFUSE : 0) |
+			(isglossy(r) ? ILF_GLOSSY : 0));
+}
+
+
+static int
+glintdone(			/* does a glint's cone count this ray? */
+	const ILFMAT  *ip,
+	const RAY  *ar		/* ray that met a shiny surface */
+)
+{
+	int  i;
+
+	if (ar->ro == NULL || ar->ro->otype != OBJ_SPHERE || ar->parent == NULL)
+		return(0);
+	if (!(glintparts(ar->parent) & (ar->rtype & AMBIENT ? ILF_DIFFUSE :
+			ar->rtype & SPECULAR ? ILF_GLOSSY : 0)))
+		return(0);
+	i = ilf_glint_ball(ip->bright, ar->rorg, ar->rdir);
+	return(i >= 0 && ip->ball[i] == ar->ro);
+}
+
+
+static ilf_part
+raypart(			/* which part does a ray see? */
+	const ILFMAT  *ip,
+	const RAY  *r
+)
+{
+	const RAY  *rp = r;
+	ilf_way  way = {0, 0, 0};
+	const ILFGLINT  *gp = r->glint;
+				/* go back to its last turn */
+	while (rp->rtype & TRANS && rp->parent != NULL &&
+			DOT(rp->rdir, rp->parent->rdir) >= 1. - ILFSTRAIGHT)
+		rp = rp->parent;
+	if (r->crtype & SHADOW)		/* aimed at us, and not deflected */
+		way.aimed = rp->rtype & SHADOW && r->rsrc == ip->sn ? 1 : -1;
+	else if (gp != NULL)		/* looks for a glint */
+		way.aimed = rp->rtype & REFLECTED ? 1 : -1;
+	else if (rp->rtype & (AMBIENT|SPECULAR))
+		way.scattered = 1;
+	else if (rp->rtype & REFLECTED && rp->parent != NULL)
+		way.in_glint = glintdone(ip, rp->parent);
+					/* from that ball? */
+	if (gp != NULL && (rp->parent != gp->ray || gp->ray->ro != gp->ball))
+		way.aimed = -1;
+	return(ilf_ray_part(&way));
+}
+
+
+static void
+glintadd(			/* count what a glint ray found */
+	const RAY  *r
+)
+{
+	ILFGLINT  *gp = r->glint;
+	SCOLOR  c;
+
+	copyscolor(c, r->rcol);
+	do {
+		smultscolor(c, r->rcoef);
+	} while (r != gp->ray && (r = r->parent) != NULL);
+	saddscolor(gp->sum, c);
+}
+
+
+static double
+ilfrandom(			/* get random number for libilf */
+	int  dim,
+	void  *p
+)
+{
+	double  d;
+
+	if (dim != ILF_ALONG_MAP)
+		return(frandom());
+	dimlist[ndims_inc()] = ((ILFHOST *)p)->ip->sn + ILFSEED;
+	d = urand(ilhash(dimlist,ndims)+samplendx);
+	dec_ndims();
+	return(d);
+}
+
+
+static double
+ilflobe(			/* get surface's coefficient for libilf */
+	void  *coef,
+	const double  dir[3],
+	int  lobes,
+	void  *p
+)
+{
+	ILFHOST  *hp = (ILFHOST *)p;
+	COLORV  *cv = (COLORV *)coef;
+	FVECT  d;
+
+	VCOPY(d, dir);
+	hp->r->rparts = DIRBLIND | (lobes & ILF_DIFFUSE ? DIRDIFF : 0) |
+			(lobes & ILF_GLOSSY ? DIRSPEC : 0);
+	(*hp->f)(cv, hp->p, d, ILFOMEGA);
+	hp->r->rparts = 0;
+	return(sintens(cv)*(1./ILFOMEGA));
+}
+
+
+static int
+ilfshadow(			/* trace shadow ray for libilf */
+	const ilf_aim  *ap,
+	void  *p
+)
+{
+	ILFHOST  *hp = (ILFHOST *)p;
+	RAY  sr;
+	int  i;
+
+	rayorigin(&sr, shadowtype(hp->r,ap->dir), hp->r, NULL);
+	VCOPY(sr.rdir, ap->dir);
+	sr.rsrc = hp->ip->sn;
+	copyscolor(sr.rcoef, (const COLORV *)ap->coef);
+	scalescolor(sr.rcoef, 1./ILFOMEGA);
+	scalescolor(sr.rcoef, ap->scale);
+	rayvalue(&sr);
+	for (i = NCSAMP; i--; )		/* a channel of it may be < 0 */
+		if (sr.rcol[i] != 0.0)
+			break;
+	if (i < 0)
+		return(0);
+	smultscolor(sr.rcol, sr.rcoef);
+	saddscolor(hp->r->rcol, sr.rcol);
+	return(1);
+}
+
+
+static void
+ilfglint(			/* trace ray to a glint for libilf */
+	const ilf_aim  *ap,
+	int  ball,
+	void  *p
+)
+{
+	ILFHOST  *hp = (ILFHOST *)p;
+	ILFGLINT  gl;
+	SCOLOR  coef;
+	RAY  gr;
+
+	copyscolor(coef, (const COLORV *)ap->coef);
+	scalescolor(coef, ap->scale/ILFOMEGA);
+	if (rayorigin(&gr, ambienttype(hp->r,ap->dir), hp->r, coef) < 0)
+		return;
+	VCOPY(gr.rdir, ap->dir);
+	gl.ray = &gr;
+	gl.ball = hp->ip->ball[ball];
+	scolorblack(gl.sum);
+	gr.glint = &gl;
+	rayvalue(&gr);
+	saddscolor(hp->r->rcol, gl.sum);
+}
+
+
+static int
+sampledat(			/* does ray's surface sample light fields? */
+	const RAY  *r
+)
+{
+	int  n = ambounce > 1 ? ambounce : 1;
+				/* as deep as blind rays would see them */
+	if (r->crtype & AMBIENT)
+		for ( ; r != NULL; r = r->parent)
+			if (r->rtype & AMBIENT && --n <= 0)
+				return(0);
+	return(1);
+}
 
 
 void
-ilferror(			/* report libilf's error for a material */
-	OBJREC  *m,
-	ilf_error  *ep
+ilfdirect(			/* add direct part of light fields */
+	RAY  *r,
+	srcdirf_t  *f,
+	void  *p
 )
 {
-	ep->text[300] = '\0';		/* objerror() has room for 512 */
-	objerror(m, USER, ep->text);
-}
-
-
-static void
-checkfile(			/* was file left as it was? */
-	ILFFILE  *fp
-)
-{
+	ILFHOST  me = {NULL, r, f, p};
+	ilf_host  host = {ilfrandom, ilflobe, ilfshadow, ilfglint, auxhit,
+				sizeof(SCOLOR), (void *)&me};
+	ilf_point  pt;
 	ilf_error  err;
-
-	if (ilf_check_unchanged(fp->field, &err) == ILF_OK)
-		return;
-	eputs(err.text);
-	eputs("\n");
-	fflush(NULL);
-	_exit(1);			/* what we computed is a mixture */
-}
-
-
-static void
-watchfile(			/* the same, as often as the clock ticks */
-	ILFFILE  *fp
-)
-{
-	struct timespec  now;
-
-	if (clock_gettime(CLOCK_MONOTONIC_COARSE, &now) < 0 ||
-			now.tv_nsec == fp->tick)
-		return;
-	fp->tick = now.tv_nsec;
-	checkfile(fp);
-}
-
-
-static void
-ilfcheck(void)			/* were files left as they were till the end? */
-{
-	ILFFILE  *fp;
-
-	for (fp = ilflist; fp != NULL; fp = fp->next)
-		checkfile(fp);
-}
-
-
-static void
-onfault(			/* a file was cut short while we used it */
-	int  signo,
-	siginfo_t  *info,
-	void  *context
-)
-{
-	const char  *words = NULL, *part[4], *cp;
-	char  line[1024];
-	ILFFILE  *fp;
-	int  i, n = 0;
-
-	for (fp = ilflist; (fp != NULL) & (words == NULL); fp = fp->next)
-		words = ilf_fault(fp->field, info->si_addr);
-	if (words == NULL) {		/* not ours:  do it again, as it was */
-		sigaction(signo, &oldfault, NULL);
-		return;
-	}
-	part[0] = progname; part[1] = ": fatal - "; part[2] = words;
-	part[3] = "\n";
-	for (i = 0; i < 4; i++)		/* no stdio in a signal handler */
-		for (cp = part[i]; *cp && n < sizeof(line); cp++)
-			line[n++] = *cp;
-	i = write(2, line, n);
-	_exit(1);
-}
-
-
-static void
-catchfault(void)		/* see to signals from mapped files */
-{
-	struct sigaction  act;
-
-	memset(&act, 0, sizeof(act));
-	act.sa_sigaction = onfault;
-	act.sa_flags = SA_SIGINFO;
-	sigaction(SIGBUS, &act, &oldfault);
-}
-
-
-static ILFFILE *
-openilf(			/* get light field file for material */
-	OBJREC  *m
-)
-{
-	static int  caught = 0;
-	char  *path = getpath(m->oargs.sarg[0], getrlibpath(), R_OK);
-	ilf_error  err;
-	ILFFILE  *fp;
-
-	if (path == NULL) {
-		sprintf(errmsg, "cannot find light field \"%.256s\"",
-				m->oargs.sarg[0]);
-		objerror(m, USER, errmsg);
-	}
-	for (fp = ilflist; fp != NULL; fp = fp->next)
-		if (!strcmp(fp->path, path)) {
-			fp->nused++;
-			return(fp);
-		}
-	fp = (ILFFILE *)malloc(sizeof(ILFFILE));
-	if (fp == NULL)
-		goto memerr;
-	if (ilf_open(&fp->field, path, &err) != ILF_OK)
-		ilferror(m, &err);
-	if (!caught++) {
-		atexit(ilfcheck);
-		catchfault();
-	}
-	fp->path = savqstr(path);
-	fp->nused = 1;
-	fp->tick = -1;
-	fp->next = ilflist;
-	return(ilflist = fp);
-memerr:
-	error(SYSTEM, "out of memory in openilf");
-	return NULL; /* pro forma return */
-}
-
-
-ILFMAT *
-getilf(				/* get (open) material's light field */
-	OBJREC  *m
-)
-{
 	ILFMAT  *ip;
-	ilf_error  err;
-	RREAL  *fa;
+	int  deep;
 
-	if ((ip = (ILFMAT *)m->os) != NULL)
-		return(ip);
-					/* check arguments */
-	if ((m->oargs.nsargs < 1) | (m->oargs.nsargs > 2))
-		objerror(m, USER,
-			"expected string arguments: file [depth|nodepth]");
-	if ((m->oargs.nfargs != 0) & (m->oargs.nfargs != 9) &
-			(m->oargs.nfargs != 12))
-		objerror(m, USER,
-			"expected 0, 9 or 12 real arguments (O U V [N])");
-	ip = (ILFMAT *)malloc(sizeof(ILFMAT));
-	if (ip == NULL)
-		error(SYSTEM, "out of memory in getilf");
-	memset((void *)ip, 0, sizeof(ILFMAT));
-	ip->sn = -1;
-	ip->nballs = -1;
-	ip->mode = ILF_DEPTH;
-	if (m->oargs.nsargs > 1) {
-		if (!strcmp(m->oargs.sarg[1], "nodepth"))
-			ip->mode = ILF_NO_DEPTH;
-		else if (strcmp(m->oargs.sarg[1], "depth")) {
-			sprintf(errmsg,
-	"expected \"depth\" or \"nodepth\" as second argument, found \"%.64s\"",
-					m->oargs.sarg[1]);
-			objerror(m, USER, errmsg);
-		}
-	}
-	ip->file = openilf(m);
-	ip->frame = *ilf_get_frame(ip->file->field);
-	fa = m->oargs.farg;
-	if (m->oargs.nfargs && ilf_frame_init(&ip->frame, fa, fa+3, fa+6,
-			m->oargs.nfargs == 12 ? fa+9 : NULL, &err) != ILF_OK)
-		ilferror(m, &err);
-	return((ILFMAT *)(m->os = (char *)ip));
-}
-
-
-void
-freeilf(			/* free material's light field */
-	OBJREC  *m
-)
-{
-	ILFMAT  *ip = (ILFMAT *)m->os;
-	ILFMAT  *pp;
-	ILFFILE  **fpp;
-
-	if (ip == NULL)
+	if (ilflist.shown == NULL)
 		return;
-	dropilf(ip);
-	while ((pp = ip->place) != NULL) {
-		ip->place = pp->place;
-		dropilf(pp);
-		free((void *)pp);
+	VCOPY(pt.position, r->rop);
+	pt.samples = ilfsamp;
+	pt.weight = r->rweight;
+	pt.narrow = isglossy(r);
+	pt.apart = (r->glint != NULL);
+	pt.glint_lobes = pt.apart ? 0 : glintparts(r);
+	deep = pt.apart || !sampledat(r);
+	for (ip = ilflist.shown; ip != NULL; ip = ip->next) {
+		if (ip->sn < 0)
+			continue;	/* not sampled */
+		findbright(ip, r);
+		if (!ilf_patches_count(ip->bright))
+			continue;	/* nothing bright */
+		pt.lobes = !deep ? ILF_DIFFUSE|ILF_GLOSSY :
+				pt.narrow ? ILF_GLOSSY : 0;
+		if (!pt.apart && r->rtype & (AMBIENT|SPECULAR) &&
+				glintdone(ip, r))
+			pt.lobes &= ~ILF_GLOSSY;
+		me.ip = ip;
+		if (ilf_light(ip->sampler, &pt, &host, &err) != ILF_OK)
+			ilferror(ip->m, &err);
 	}
-	if (!--ip->file->nused)		/* last user closes file */
-		for (fpp = &ilflist; *fpp != NULL; fpp = &(*fpp)->next)
-			if (*fpp == ip->file) {
-				*fpp = ip->file->next;
-				checkfile(ip->file);
-				ilf_close(ip->file->field);
-				freeqstr(ip->file->path);
-				free((void *)ip->file);
-				break;
-			}
-	free((void *)ip);
-	m->os = NULL;
-}
-
-
-void
-ilfreport(void)			/* print what light fields were used */
-{
-	ILFFILE  *fp;
-	ilf_usage  use;
-	const ilf_info  *ii;
-
-	if (!nrays)			/* ended before it began */
-		return;
-	for (fp = ilflist; fp != NULL; fp = fp->next) {
-		ilf_get_usage(&use, fp->field);
-		ii = ilf_get_info(fp->field);
-		sprintf(errmsg,
-	"%.256s: %ld of %ld probes used, %.1f MB in place, %.1f MB decoded\n",
-				fp->path, (long)use.probes,
-				(long)ii->n_u*ii->n_v,
-				use.mapped_bytes*1e-6, use.decoded_bytes*1e-6);
-		eputs(errmsg);
-	}
-	ilfsrcreport();
 }
 
 
@@ -295,47 +371,50 @@ m_ilf(				/* ray met auxiliary geometry */
 	ILFMAT  *mp = getilf(m), *ip = ilfplaced(mp, r);
 	RREAL  *org = r->rorg, *dir = r->rdir, *hit = r->rop;
 	FVECT  lorg, ldir, lhit;
+	ilf_part  part = ILF_ALL;
+	ilf_status  ok;
 	float  rgb[3];
 	ilf_error  err;
-	double  d;
-	int  part;
 					/* which part counts? */
 	if (ilfaimed(ip, r)) {
-		part = ilfpart(ip, r);
+		findbright(ip, r);
+		part = raypart(ip, r);
 	} else if (r->crtype & SHADOW) {
 		part = ILF_NONE;
 	} else {
-		part = ILF_ALL;
 		ilfliteral(mp, m, r);
 	}
 	if (part == ILF_NONE)
 		return(1);
-	if (r->rox != NULL) {		/* into the instance's space */
-		multp3(lorg, org, r->rox->b.xfm);
-		multv3(ldir, dir, r->rox->b.xfm);
-		multp3(lhit, hit, r->rox->b.xfm);
-		org = lorg; dir = ldir; hit = lhit;
-	}
 	if (r->ro->otype == OBJ_SOURCE)
 		hit = NULL;		/* infinitely far away */
-	watchfile(mp->file);
-	if (ilf_eval(rgb, mp->file->field, &mp->frame, org, dir, hit,
-			mp->mode, &err) != ILF_OK)
+	ilfwatch(mp->file);
+	if (part != ILF_ALL) {
+		ok = ilf_eval_part(rgb, ip->bright, part, org, dir, hit, &err);
+	} else {
+		if (r->rox != NULL) {	/* into the instance's space */
+			multp3(lorg, org, r->rox->b.xfm);
+			multv3(ldir, dir, r->rox->b.xfm);
+			org = lorg; dir = ldir;
+			if (hit != NULL) {
+				multp3(lhit, hit, r->rox->b.xfm);
+				hit = lhit;
+			}
+		}
+		ok = ilf_eval(rgb, mp->file->field, mp->frame, org, dir, hit,
+				mp->depth ? ILF_DEPTH : ILF_NO_DEPTH, &err);
+	}
+	if (ok != ILF_OK)
 		ilferror(m, &err);
 					/* modify value */
 	raytexture(r, m->omod);
-	setcolor(r->rcol, rgb[0], rgb[1], rgb[2]);
-	multcolor(r->rcol, r->pcol);
-	if (part != ILF_ALL) {
-		d = ilf_excess_part(rgb, ilf_sampler_threshold(ilfsampler(ip, r)));
-		if (part == ILF_BASE)
-			d = 1. - d;
-		scalecolor(r->rcol, d);
-	}
-	if (part == ILF_GLINT) {	/* counted on its own */
+	setscolor(r->rcol, rgb[0], rgb[1], rgb[2]);
+	smultscolor(r->rcol, r->pcol);
+	if (r->glint != NULL) {		/* counted on its own */
 		glintadd(r);
-		setcolor(r->rcol, 0.0, 0.0, 0.0);
+		scolorblack(r->rcol);
 	}
 	r->rsrc = -1;			/* we are what was aimed for */
 	return(1);
 }
+

@@ -1,5 +1,5 @@
 /*
- * ilf_draw.c - directions drawn from a slice, their density, and the slice's history.
+ * ilf_draw.c - directions drawn from a slice, and their density.
  *
  * The density is that of the map's cell divided by the cell's solid angle, mixed with a little of the
  * uniform density over the hemisphere (SLICE_UNIFORM).
@@ -87,17 +87,4 @@ double ilf_pdf(const ilf_slice *sl, const double dir[3])
     if (!(len > 0) || dir[2] <= 0) return 0;
     const double d[3] = {dir[0] / len, dir[1] / len, dir[2] / len};
     return density(sl, search_cell(sl, cell_of(d)));
-}
-
-void ilf_slice_record(ilf_slice *sl, const ilf_past *more)
-{
-    sl->past.visible += more->visible;
-    sl->past.tests += more->tests;
-    sl->past.mean2 += more->mean2;
-    sl->past.var += more->var;
-}
-
-void ilf_slice_history(const ilf_slice *sl, ilf_past *past)
-{
-    *past = sl->past;
 }

@@ -26,19 +26,19 @@ static int by_excess(const void *a, const void *b)
 
 /* Gather the patches that the ball sees into c: whole ones first, parts (half of which are not the lamp) only
  * where there are no others; then again, so that distances are from the means. */
-static int gather_lamps(cluster *c, const ilf_sampler *s, const float x[3], float r)
+static int gather_lamps(cluster *c, const ilf_patches *pl, const float x[3], float r)
 {
     int n = 0;
 
     for (int round = 0; round < 3; round++)
-        for (size_t k = 0; k < s->patches.n; k++) {
-            const patch *p = &s->patches.p[k];
+        for (size_t k = 0; k < pl->n; k++) {
+            const patch *p = &pl->p[k];
             const float d[3] = {p->u - x[0], p->v - x[1], p->n - x[2]};
             const float len = sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
             int m = 0;
 
             if (round < 2 && p->whole != (round == 0)) continue;
-            if (ilf_patch_weight(s, p, x, r) <= 0 || len <= 0) continue;
+            if (ilf_patch_weight(pl, p, x, r) <= 0 || len <= 0) continue;
             while (m < n &&
                    (d[0] * c[m].dir[0] + d[1] * c[m].dir[1] + d[2] * c[m].dir[2]) < CLUSTER_COS * len)
                 m++;
@@ -64,20 +64,20 @@ static int gather_lamps(cluster *c, const ilf_sampler *s, const float x[3], floa
     return n;
 }
 
-ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *s, const double centre[3],
+ilf_status ilf_patches_lamps(ilf_lamp *lamps, int *n, int most, const ilf_patches *pl, const double centre[3],
                              double radius, ilf_error *err)
 {
-    const ilf_frame *fr = &s->frame;
+    const ilf_frame *fr = &pl->frame;
     cluster *c = malloc(MAX_CLUSTERS * sizeof *c);
     float x[3];
 
-    if (!c) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for its lamps", s->field->path);
+    if (!c) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for its lamps", pl->field->path);
     for (int a = 0; a < 3; a++) {
         const double *axis = a == 0 ? fr->u : a == 1 ? fr->v : fr->n;
         x[a] = (float)((centre[0] - fr->origin[0]) * axis[0] + (centre[1] - fr->origin[1]) * axis[1] +
                        (centre[2] - fr->origin[2]) * axis[2]);
     }
-    const int found = gather_lamps(c, s, x, (float)radius);
+    const int found = gather_lamps(c, pl, x, (float)radius);
     qsort(c, (size_t)found, sizeof *c, by_excess);
     *n = found < most ? found : most;
     for (int k = 0; k < *n; k++) {
@@ -87,7 +87,7 @@ ilf_status ilf_sampler_lamps(ilf_lamp *lamps, int *n, int most, ilf_sampler *s, 
                 (c[k].sum[0] * fr->u[a] + c[k].sum[1] * fr->v[a] + c[k].sum[2] * fr->n[a]) / c[k].n;
         lamps[k].radius =
             1.5 * (c[k].away / c[k].n + c[k].ball); /* of a disc, the mean distance is 2/3 of the radius */
-        lamps[k].excess = c[k].excess * s->unit;
+        lamps[k].excess = c[k].excess * pl->unit;
     }
     free(c);
     return ILF_OK;

@@ -2,13 +2,8 @@
  * ilf_patches.c - find what is bright in a light field.
  *
  * Each probe is looked through once, and texels whose luminance exceeds the threshold are gathered into
- * patches of about a degree.  A patch is kept as a ball around the place where its light comes from: where
- * the auxiliary geometry is met if the lookups are depth-corrected, else far away in its direction.
- *
- *      ( )  patch's ball          The ball holds all directions in which a bilinear lookup can see the
- *       \   \                     patch's texels: half a texel more on each side, all of the cap around the
- *        \  |                     pole for the first row, and down to the horizon for the last row that
- *     ----q------  plane          is valid.
+ * patches of about a degree, each kept as a ball in space (ilf_patch.c).  The list is not changed any more
+ * once it is open.
  */
 #include <stdlib.h>
 
@@ -17,10 +12,14 @@
 /* Angular size of a patch that is aimed at, and how many patches are too many. */
 #define PATCH_SIZE  (1.0 * ILF_PI / 180)
 #define MAX_PATCHES 36000
-#define LARGE_PATCH (10 * ILF_PI / 180)
 
-/* Light that is infinitely far away is put here, in units of the sampled rectangle's size. */
-#define FAR_AWAY 1e5
+/* Bright is what exceeds the mean by this factor: between 1.5 and 10 it makes no difference to the noise (a
+ * prototype's measurement).  The mean is of so many probes in either direction at most. */
+#define BRIGHT      3
+#define MEAN_PROBES 6
+
+/* A sampled rectangle is at least so many cubes of space across. */
+#define CUBES_ACROSS 24
 
 /* ---- texels --------------------------------------------------------------------------------- */
 
@@ -57,8 +56,7 @@ static double texel_luminance(const ilf *f, const unsigned char *row, int x)
     return ilf_luminance(rgb);
 }
 
-/* Rows that lookups above the plane can reach. */
-static int valid_rows(const ilf *f)
+int ilf_valid_rows(const ilf *f)
 {
     const double edge = fmin(f->info.polar_valid, ILF_PI / 2) * f->info.n_phi / f->info.polar_max - 0.5;
     const int rows = (int)ceil(edge) + 1;
@@ -71,7 +69,7 @@ static int valid_rows(const ilf *f)
  * bright ones begin. */
 static ilf_status mean_luminance(double *mean, const ilf *f, ilf_error *err)
 {
-    const int most = 6, rows = valid_rows(f), n_u = f->info.n_u, n_v = f->info.n_v;
+    const int most = MEAN_PROBES, rows = ilf_valid_rows(f), n_u = f->info.n_u, n_v = f->info.n_v;
     const int k_u = n_u < most ? n_u : most, k_v = n_v < most ? n_v : most;
     double sum = 0, omega = 0;
 
@@ -99,263 +97,34 @@ static ilf_status mean_luminance(double *mean, const ilf *f, ilf_error *err)
     return ILF_OK;
 }
 
-/* ---- geometry ------------------------------------------------------------------------------- */
-
-static void direction(double d[3], double theta, double phi)
-{
-    d[0] = sin(phi) * cos(theta);
-    d[1] = sin(phi) * sin(theta);
-    d[2] = cos(phi);
-}
-
-static void to_world(double w[3], const ilf_frame *fr, const double d[3])
-{
-    for (int c = 0; c < 3; c++) w[c] = d[0] * fr->u[c] + d[1] * fr->v[c] + d[2] * fr->n[c];
-}
-
-static double distance3(const double a[3], const double b[3])
-{
-    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) +
-                (a[2] - b[2]) * (a[2] - b[2]));
-}
-
-/* One look from a probe: in direction (theta, phi) light comes from p, at distance t.  part < 0: from
- * nowhere. */
-typedef struct look {
-    double theta, phi, p[3], t;
-    int part;
-} look;
-
-/* Steps of the distance, as factors: from one part of a patch to another, and from a thing to the next behind
- * it. */
-#define JUMP   1.1
-#define BEHIND 1.03
-
-/* Where light from direction (theta, phi) reaches probe position q (plane's coordinates) from; or, with
- * beyond > 0, what stands behind what is at that distance. */
-static look look_along(const ilf_sampler *s, const double q[3], double theta, double phi, double beyond)
-{
-    const ilf_frame *fr = &s->frame;
-    look l = {.theta = theta, .phi = phi};
-    double d[3];
-
-    direction(d, theta, phi);
-    if (s->spec.mode == ILF_DEPTH && s->spec.hit) {
-        double origin[3], dir[3], hit[3];
-
-        to_world(origin, fr, q);
-        to_world(dir, fr, d);
-        for (int c = 0; c < 3; c++) origin[c] += fr->origin[c] + BEHIND * beyond * dir[c];
-        if (s->spec.hit(hit, origin, dir, s->spec.context)) {
-            for (int c = 0; c < 3; c++) hit[c] -= fr->origin[c];
-            for (int c = 0; c < 3; c++) {
-                const double *axis = c == 0 ? fr->u : c == 1 ? fr->v : fr->n;
-                l.p[c] = hit[0] * axis[0] + hit[1] * axis[1] + hit[2] * axis[2];
-            }
-            l.t = distance3(l.p, q);
-            return l;
-        }
-    }
-    if (beyond > 0) {
-        l.part = -1;
-        return l;
-    }
-    l.t = FAR_AWAY * (fr->len_u + fr->len_v);
-    for (int c = 0; c < 3; c++) l.p[c] = q[c] + l.t * d[c];
-    return l;
-}
-
-/* A patch at the edge of something lies half on what is behind: one ball around both would hold most of the
- * room.  So the looks of a patch are parted at jumps of their distance, and each part has a ball of its own.
- * A lookup asks for the direction from the probe to where the ray ends: what a probe sees on a lamp shows on
- * the wall behind it, too, from where the lamp does not hide the wall.  So there are such balls for each
- * layer of things. */
-enum { LARGE_STEPS = 8, SMALL_STEPS = 2, MAX_PARTS = 4, HALVINGS = 3, MAX_LAYERS = 6 };
-enum {
-    GRID = (LARGE_STEPS + 1) * (LARGE_STEPS + 1),
-    MAX_LOOKS = GRID + 2 * HALVINGS * LARGE_STEPS * (LARGE_STEPS + 1)
-};
-
-static int by_distance(const void *a, const void *b)
-{
-    const double x = (*(const look *const *)a)->t, y = (*(const look *const *)b)->t;
-
-    return (x > y) - (x < y);
-}
-
-/* The ball around the looks of a part, about look `middle` or, if that is negative, about their middle;
- * returns the least distance. */
-static double ball(double centre[3], double *radius, const look *l, int n, int part, int middle)
-{
-    double lo[3] = {HUGE_VAL, HUGE_VAL, HUGE_VAL}, hi[3] = {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL},
-           least = HUGE_VAL;
-
-    for (int k = 0; k < n; k++) {
-        if (l[k].part != part) continue;
-        least = fmin(least, l[k].t);
-        for (int c = 0; c < 3; c++) lo[c] = fmin(lo[c], l[k].p[c]), hi[c] = fmax(hi[c], l[k].p[c]);
-    }
-    for (int c = 0; c < 3; c++) centre[c] = middle < 0 ? 0.5 * (lo[c] + hi[c]) : l[middle].p[c];
-    *radius = 0;
-    for (int k = 0; k < n; k++)
-        if (l[k].part == part) *radius = fmax(*radius, distance3(l[k].p, centre));
-    return least;
-}
-
-/* Part the n looks of a grid, if a part's ball is larger than a wall across the view would make it.  Returns
- * how many parts there are. */
-static int find_parts(look *l, int n, double half)
-{
-    int parts = 1;
-
-    for (int k = 0; k < parts && parts < MAX_PARTS;) {
-        look *sorted[GRID];
-        double centre[3], radius, jump = JUMP;
-        int m = 0, at = 0;
-
-        if (ball(centre, &radius, l, n, k, -1) * 2 * half < radius) {
-            for (int a = 0; a < n; a++)
-                if (l[a].part == k) sorted[m++] = &l[a];
-            qsort(sorted, (size_t)m, sizeof *sorted, by_distance);
-            for (int a = 1; a < m; a++)
-                if (sorted[a]->t > jump * sorted[a - 1]->t) jump = sorted[a]->t / sorted[a - 1]->t, at = a;
-        }
-        if (at)
-            while (at < m) sorted[at++]->part = parts;
-        parts += at != 0;
-        k += at == 0;
-    }
-    return parts;
-}
-
-/* Look where between two neighbours one part ends and the other begins. */
-static int find_edge(look *more, const ilf_sampler *s, const double q[3], look a, look b)
-{
-    for (int k = 0; k < HALVINGS; k++) {
-        look m = look_along(s, q, 0.5 * (a.theta + b.theta), 0.5 * (a.phi + b.phi), 0);
-
-        if (m.t * m.t < a.t * b.t ? a.t < b.t : a.t > b.t) {
-            m.part = a.part;
-            a = m;
-        } else {
-            m.part = b.part;
-            b = m;
-        }
-        more[k] = m;
-    }
-    return HALVINGS;
-}
-
-static patch *add_patch(patch_list *l)
-{
-    if (l->n == l->room) {
-        const size_t room = l->room ? 2 * l->room : 1024;
-        patch *p = realloc(l->p, room * sizeof *p);
-
-        if (!p) return NULL;
-        l->p = p;
-        l->room = room;
-    }
-    return &l->p[l->n++];
-}
-
-/* Add the balls for texels [x0, x1) x [y0, y1) of probe (i, j). */
-static int make_patch(ilf_sampler *s, int i, int j, const int x[2], const int y[2], double excess)
-{
-    const ilf_info *in = &s->field->info;
-    const double dt = 2 * ILF_PI / in->n_theta, dp = in->polar_max / in->n_phi;
-    const double q[3] = {in->n_u == 1 ? 0.5 * s->frame.len_u : s->frame.len_u * i / (in->n_u - 1),
-                         in->n_v == 1 ? 0.5 * s->frame.len_v : s->frame.len_v * j / (in->n_v - 1), 0};
-    double lo = (y[0] - 0.5) * dp, hi = (y[1] + 0.5) * dp;
-    const int at_pole = y[0] == 0;
-    const double middle = 0.5 * (x[0] + x[1]) * dt - ILF_PI;
-    const double side = at_pole ? ILF_PI : fmin((0.5 * (x[1] - x[0]) + 0.5) * dt, ILF_PI);
-    look l[MAX_LOOKS];
-
-    if (y[1] >= valid_rows(s->field)) hi = fmax(hi, ILF_PI / 2);
-    hi = fmin(hi, ILF_PI);
-    lo = at_pole ? 0 : fmax(lo, 0);
-    /* a small patch by corners and middles of its sides; in a large one the geometry may be anything */
-    const double across = 2 * side * sin(fmin(hi, ILF_PI / 2));
-    const int steps = at_pole || fmax(across, hi - lo) > LARGE_PATCH ? LARGE_STEPS : SMALL_STEPS,
-              row = steps + 1;
-    const double half = 0.5 * hypot(at_pole ? 2 * hi : across, at_pole ? 0 : hi - lo),
-                 step = fmax(across, hi - lo) / steps;
-    for (int k = 0; k < row * row; k++)
-        l[k] = look_along(s, q, middle + side * (2.0 * (k % row) / steps - 1),
-                          lo + (hi - lo) * (k / row) / steps, 0);
-    for (int layer = 0, there = row * row; layer < MAX_LAYERS && there; layer++) {
-        const int whole = there == row * row;
-        const int parts = find_parts(l, row * row, half);
-        int n = row * row;
-
-        if (layer == 0 && parts > 1)
-            for (int k = 0; k < row * row; k++) {
-                if (k % row < steps && l[k].part != l[k + 1].part)
-                    n += find_edge(l + n, s, q, l[k], l[k + 1]);
-                if (k + row < row * row && l[k].part != l[k + row].part)
-                    n += find_edge(l + n, s, q, l[k], l[k + row]);
-            }
-        for (int k = 0; k < parts; k++) {
-            patch *p = add_patch(&s->patches);
-            double centre[3], radius;
-
-            if (!p) return -1;
-            const double least = ball(centre, &radius, l, n, k,
-                                      parts > 1 || !whole ? -1
-                                      : at_pole           ? 0
-                                                          : row * row / 2);
-            /* the rim bulges a little between the looks, and an edge is known to a part of a step, or to a
-             * step */
-            radius *= 1.05;
-            if (layer > 0) radius += least * step;
-            else if (parts > 1) radius += least * step / (1 << HALVINGS);
-            *p = (patch){(float)centre[0],
-                         (float)centre[1],
-                         (float)centre[2],
-                         (float)radius,
-                         (float)excess,
-                         i,
-                         j,
-                         layer == 0 && parts == 1};
-        }
-        there = 0;
-        for (int k = 0; k < row * row; k++) {
-            if (l[k].part >= 0) l[k] = look_along(s, q, l[k].theta, l[k].phi, l[k].t);
-            there += l[k].part >= 0;
-        }
-    }
-    return 0;
-}
-
 /* ---- list ----------------------------------------------------------------------------------- */
 
 /* Largest excess in each block of bx texels of rows [y0, y1); 1 if there is any. */
-static int band_excess(float *block, int bx, int y0, int y1, const ilf_sampler *s, const unsigned char *pix)
+static int band_excess(float *block, int bx, int y0, int y1, const ilf_patches *pl, const unsigned char *pix)
 {
-    const ilf *f = s->field;
+    const ilf *f = pl->field;
     int any = 0;
 
     for (int y = y0; y < y1; y++) {
         const unsigned char *row = pix + (size_t)y * f->row_bytes;
 
-        if ((double)row_bound(f, row) <= s->threshold)
+        if ((double)row_bound(f, row) <= pl->threshold)
             continue; /* luminance is at most the largest channel */
         if (!any) memset(block, 0, (size_t)((f->info.n_theta + bx - 1) / bx) * sizeof *block);
         any = 1;
         for (int x = 0; x < f->info.n_theta; x++) {
-            const float over = (float)(texel_luminance(f, row, x) - s->threshold);
+            const float over = (float)(texel_luminance(f, row, x) - pl->threshold);
             if (over > block[x / bx]) block[x / bx] = over;
         }
     }
     return any;
 }
 
-static ilf_status probe_patches(ilf_sampler *s, int i, int j, double size, float *block, ilf_error *err)
+static ilf_status probe_patches(ilf_patches *pl, int i, int j, double size, float *block, ilf_error *err)
 {
-    const ilf *f = s->field;
+    const ilf *f = pl->field;
     const double dt = 2 * ILF_PI / f->info.n_theta, dp = f->info.polar_max / f->info.n_phi;
-    const int rows = valid_rows(f), by = dp >= size ? 1 : (int)fmin(size / dp + 0.5, rows);
+    const int rows = ilf_valid_rows(f), by = dp >= size ? 1 : (int)fmin(size / dp + 0.5, rows);
     const unsigned char *pix;
     void *own;
     ilf_status st = ilf_peek_probe(f, (int64_t)j * f->info.n_u + i, &pix, &own, err);
@@ -368,12 +137,12 @@ static ilf_status probe_patches(ilf_sampler *s, int i, int j, double size, float
                        : around >= size                 ? 1
                                                         : (int)(size / around + 0.5);
 
-        if (!band_excess(block, bx, y0, y1, s, pix)) continue;
+        if (!band_excess(block, bx, y0, y1, pl, pix)) continue;
         for (int x0 = 0; x0 < f->info.n_theta; x0 += bx) {
             const int x[2] = {x0, x0 + bx < f->info.n_theta ? x0 + bx : f->info.n_theta}, y[2] = {y0, y1};
 
             if (block[x0 / bx] <= 0) continue;
-            if (make_patch(s, i, j, x, y, (double)block[x0 / bx]) != 0) {
+            if (ilf_make_patch(pl, i, j, x, y, (double)block[x0 / bx]) != 0) {
                 st = ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for its bright patches", f->path);
                 break;
             }
@@ -383,32 +152,103 @@ static ilf_status probe_patches(ilf_sampler *s, int i, int j, double size, float
     return st;
 }
 
-ilf_status ilf_find_patches(ilf_sampler *s, ilf_error *err)
+/* The patches of all probes, coarser until there are few enough. */
+static ilf_status list_patches(ilf_patches *pl, ilf_error *err)
 {
-    const ilf *f = s->field;
+    const ilf *f = pl->field;
     float *block = malloc((size_t)f->info.n_theta * sizeof *block);
-    double size = PATCH_SIZE;
     ilf_status st = ILF_OK;
+    int again = 1;
 
     if (!block) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for its bright patches", f->path);
-    if (s->threshold <= 0) {
-        double mean = 0;
-        st = mean_luminance(&mean, f, err);
-        s->threshold = 3 * mean; /* 0 where these probes have no light: then all that others have is excess */
-    }
-    for (int again = 1; again && st == ILF_OK; size *= 2) { /* coarser, until there are few enough */
+    for (double size = PATCH_SIZE; again && st == ILF_OK; size *= 2) {
         again = 0;
-        s->patches.n = 0;
+        pl->n = 0;
         for (int j = 0; j < f->info.n_v && st == ILF_OK && !again; j++)
             for (int i = 0; i < f->info.n_u && st == ILF_OK && !again; i++) {
-                st = probe_patches(s, i, j, size, block, err);
-                again = s->patches.n > MAX_PATCHES && size < ILF_PI / 4;
+                st = probe_patches(pl, i, j, size, block, err);
+                again = pl->n > MAX_PATCHES && size < ILF_PI / 4;
             }
     }
     free(block);
-    s->unit = 0;
-    for (size_t k = 0; k < s->patches.n; k++) s->unit = fmax(s->unit, (double)s->patches.p[k].excess);
-    for (size_t k = 0; k < s->patches.n; k++) /* no weight is 0: a slice may see the faintest patch alone */
-        s->patches.p[k].excess = (float)fmax((double)s->patches.p[k].excess / s->unit, 1e-30);
+    pl->unit = 0;
+    for (size_t k = 0; k < pl->n; k++) pl->unit = fmax(pl->unit, (double)pl->p[k].excess);
+    for (size_t k = 0; k < pl->n; k++)
+        pl->p[k].excess = (float)fmax((double)pl->p[k].excess / pl->unit, LEAST_WEIGHT);
     return st;
+}
+
+/* ---- opening ---------------------------------------------------------------------------------- */
+
+/* The probes' pitch, below which the field does not change; but small enough that a lamp moves by no more
+ * than about a cell of the map from the cube's one side to the other. */
+static double cube_edge(const ilf *f, const ilf_frame *frame)
+{
+    const int n_u = f->info.n_u - 1, n_v = f->info.n_v - 1;
+
+    return sqrt(frame->len_u / (n_u > CUBES_ACROSS ? n_u : CUBES_ACROSS)) *
+           sqrt(frame->len_v / (n_v > CUBES_ACROSS ? n_v : CUBES_ACROSS));
+}
+
+void ilf_patches_close(ilf_patches *pl)
+{
+    if (!pl) return;
+    free(pl->p);
+    free(pl->cell_dir);
+    free(pl->mark_dir);
+    free(pl->balls);
+    free(pl);
+}
+
+static ilf_status fill(ilf_patches *pl, const ilf_patches_spec *spec, ilf_error *err)
+{
+    ilf_status st = ILF_OK;
+
+    pl->cell_dir = ilf_cell_centres(SLICE_SIDE);
+    pl->mark_dir = ilf_cell_centres(MARK_SIDE);
+    if (!pl->cell_dir || !pl->mark_dir)
+        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for sampling", pl->field->path);
+    if (pl->threshold <= 0) {
+        double mean = 0;
+        st = mean_luminance(&mean, pl->field, err);
+        pl->threshold = BRIGHT * mean; /* 0 where these probes have no light: what others have is excess */
+    }
+    if (st == ILF_OK) st = list_patches(pl, err);
+    if (st == ILF_OK && pl->n && spec->n_balls)
+        st = ilf_glint_balls_open(&pl->balls, pl, spec->balls, spec->n_balls, err);
+    pl->hit = NULL;
+    pl->context = NULL;
+    return st;
+}
+
+ilf_status ilf_patches_open(ilf_patches **patches, const ilf *field, const ilf_frame *frame,
+                            const ilf_patches_spec *spec, ilf_error *err)
+{
+    ilf_patches *pl = calloc(1, sizeof *pl);
+
+    if (!pl) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for sampling", field->path);
+    pl->field = field;
+    pl->frame = *frame;
+    pl->mode = spec->mode;
+    pl->hit = spec->hit;
+    pl->context = spec->context;
+    pl->threshold = spec->threshold;
+    pl->cube = spec->cube > 0 ? spec->cube : cube_edge(field, frame);
+    const ilf_status st = fill(pl, spec, err);
+    if (st != ILF_OK) {
+        ilf_patches_close(pl);
+        return st;
+    }
+    *patches = pl;
+    return ILF_OK;
+}
+
+double ilf_patches_threshold(const ilf_patches *pl)
+{
+    return pl->threshold;
+}
+
+int64_t ilf_patches_count(const ilf_patches *pl)
+{
+    return (int64_t)pl->n;
 }

@@ -1,5 +1,5 @@
 /*
- * ilf_sampler.h - what the sampler's files share: bright patches and slices.
+ * ilf_sampler.h - what the sampling's files share: bright patches, slices, and what is kept with them.
  */
 #ifndef ILF_SAMPLER_H
 #define ILF_SAMPLER_H
@@ -25,19 +25,39 @@ enum { MARK_SIDE = SLICE_SIDE / 2, MARK_CELLS = MARK_SIDE * MARK_SIDE };
 typedef struct patch {
     float u, v, n; /* centre */
     float radius;  /* holds all of the patch, bilinear lookup's half texel included */
-    float excess;  /* largest luminance over the threshold, in units of the sampler's */
+    float excess;  /* largest luminance over the threshold, in units of the list's */
     int i, j;      /* the probe */
     int whole;     /* 0: a part of a patch that lies on two things, one behind the other */
 } patch;
 
-typedef struct patch_list {
-    patch *p; /* probe after probe */
+typedef struct ilf_glint_balls ilf_glint_balls; /* shiny balls and the lamps that each sees (ilf_glint.c) */
+typedef struct ilf_scratch ilf_scratch;         /* candidates (ilf_light.c) */
+
+struct ilf_patches {
+    const ilf *field;
+    ilf_frame frame;
+    ilf_mode mode;
+    ilf_hit_fn *hit; /* while the list is made */
+    void *context;
+    double threshold;
+    double cube; /* edge of the cubes of space that share a slice */
+    double unit; /* largest excess of all: weights relative to it stay in a float's range for any light */
+    patch *p;    /* probe after probe */
     size_t n, room;
-} patch_list;
+    float (*cell_dir)[3], (*mark_dir)[3]; /* centres of cells, by row and column */
+    ilf_glint_balls *balls;               /* or NULL */
+};
+
+/* A cube's memory of the points that drew from its slice, for adapting their number: kept apart from the
+ * estimate itself, so that adapting does not bias it. */
+typedef struct slice_past {
+    double visible, tests; /* rays that met light, and all */
+    double mean2, var;     /* sums of squared means, and of variances, of the candidates' weights */
+} slice_past;
 
 struct ilf_slice {
     int64_t key[3]; /* cube of space */
-    ilf_past past;
+    slice_past past;
     double total;      /* sum of the cells' excess luminance */
     int cells;         /* with light */
     int last;          /* cell drawn last */
@@ -47,16 +67,12 @@ struct ilf_slice {
 };
 
 struct ilf_sampler {
-    const ilf *field;
-    ilf_frame frame;
-    ilf_sampler_spec spec;
-    double threshold, cube;
-    double unit; /* largest excess of all: weights relative to it stay in a float's range for any light */
-    patch_list patches;
+    const ilf_patches *of;
     ilf_slice **table; /* open addressing, table_size a power of two */
     size_t table_size, used;
-    int64_t built;
-    float (*cell_dir)[3], (*mark_dir)[3]; /* centres of cells, by row and column */
+    int busy; /* rays being traced for points: their slices must stay */
+    ilf_work work;
+    ilf_scratch *scratch;
     struct mark {
         float weight, probe_weight, near, far;
         int owner; /* probe that marked it last, + 1 */
@@ -65,12 +81,37 @@ struct ilf_sampler {
     uint16_t *marked, *touched;
 };
 
-/* List what exceeds the threshold (ilf_patches.c); threshold 0 is set to 3 times the mean. */
-ilf_status ilf_find_patches(ilf_sampler *s, ilf_error *err);
+/* Two distances nearer to each other than that are one. */
+#define ONE_DISTANCE 0.98f
+
+/* No weight is 0: a slice may see the faintest patch alone. */
+#define LEAST_WEIGHT 1e-30
+
+/* Rows of a probe that lookups above the plane can reach. */
+int ilf_valid_rows(const ilf *field);
+
+/* Add the balls for texels [x[0], x[1]) x [y[0], y[1]) of probe (i, j) to the list; not 0 for want of memory.
+ */
+int ilf_make_patch(ilf_patches *patches, int i, int j, const int x[2], const int y[2], double excess);
 
 /* The largest bilinear weight that a patch's probe has anywhere in the cube (or ball) of half edge r around
  * x, plane's coordinates; 0 where the patch is not seen. */
-float ilf_patch_weight(const ilf_sampler *s, const patch *p, const float x[3], float r);
+float ilf_patch_weight(const ilf_patches *patches, const patch *p, const float x[3], float r);
+
+/* Directions of the centres of the cells of a map of side x side; owned by the caller. */
+float (*ilf_cell_centres(int side))[3];
+
+/* Build the slice that the cube `key` sees; to be freed with free(). */
+ilf_status ilf_build_slice(ilf_slice **slice, ilf_sampler *s, const int64_t key[3], ilf_error *err);
+
+/* Balls that see lamps; *balls is NULL where none does, or too many to look at for each point. */
+ilf_status ilf_glint_balls_open(ilf_glint_balls **balls, const ilf_patches *patches, const ilf_ball *b, int n,
+                                ilf_error *err);
+
+/* Sample the cones around a point's glints, as ilf_light does; coef is room for one coefficient. */
+void ilf_light_glints(ilf_sampler *s, const ilf_point *point, const ilf_host *host, void *coef);
+
+void ilf_scratch_free(ilf_scratch *scratch);
 
 /* ---- numbering of cells: Morton, column's bits even, row's odd ---- */
 

@@ -1,5 +1,5 @@
 /*
- * ilf_slice.c - what is bright as seen from a cube of space, and directions drawn from it.
+ * ilf_slice.c - what is bright as seen from a cube of space.
  *
  * The rays through a point are a two-dimensional slice of the light field; the probes nearest to the
  * point are not its environment.  A patch of probe q shows in direction d from point x with the bilinear
@@ -19,31 +19,15 @@
 #include "ilf_hemi.h"
 #include "ilf_sampler.h"
 
-enum { TABLE_START = 1 << 10, MAX_CUBES = 1 << 18 };
+/* Cells of the marks' map are at most that far (radians) from their centres to their corners. */
+#define HALF_CELL (1.5 * 1.4142136 / MARK_SIDE * 1.5708)
 
-/* ---- sampler -------------------------------------------------------------------------------- */
+#define SQRT3 1.7320508
 
-void ilf_sampler_close(ilf_sampler *s)
-{
-    if (!s) return;
-    for (size_t k = 0; s->table && k < s->table_size; k++) free(s->table[k]);
-    free(s->table);
-    free(s->patches.p);
-    free(s->cell_dir);
-    free(s->mark_dir);
-    free(s->mark);
-    free(s->weight);
-    free(s->near);
-    free(s->far);
-    free(s->seen);
-    free(s->most);
-    free(s->marked);
-    free(s->touched);
-    free(s);
-}
+/* What a look may see at most, in units of the brightest patch: a bound on what one odd texel can draw. */
+#define MOST_SEEN 1e6
 
-/* Centres of the cells of a map of side x side. */
-static float (*centres(int side))[3]
+float (*ilf_cell_centres(int side))[3]
 {
     float(*dir)[3] = malloc((size_t)(side * side) * sizeof *dir);
 
@@ -55,74 +39,7 @@ static float (*centres(int side))[3]
     return dir;
 }
 
-static int make_scratch(ilf_sampler *s)
-{
-    s->table_size = TABLE_START;
-    s->table = calloc(s->table_size, sizeof *s->table);
-    s->cell_dir = centres(SLICE_SIDE);
-    s->mark_dir = centres(MARK_SIDE);
-    s->mark = calloc(MARK_CELLS, sizeof *s->mark);
-    s->marked = malloc(MARK_CELLS * sizeof *s->marked);
-    s->weight = calloc(SLICE_CELLS, sizeof *s->weight);
-    s->near = calloc(SLICE_CELLS, sizeof *s->near);
-    s->far = calloc(SLICE_CELLS, sizeof *s->far);
-    s->seen = calloc(SLICE_CELLS, sizeof *s->seen);
-    s->most = calloc(SLICE_CELLS, sizeof *s->most);
-    s->touched = malloc(SLICE_CELLS * sizeof *s->touched);
-    return s->table && s->cell_dir && s->mark_dir && s->mark && s->marked && s->weight && s->near && s->far &&
-                   s->seen && s->most && s->touched
-               ? 0
-               : -1;
-}
-
-ilf_status ilf_sampler_open(ilf_sampler **sampler, const ilf *field, const ilf_frame *frame,
-                            const ilf_sampler_spec *spec, ilf_error *err)
-{
-    const ilf_info *in = &field->info;
-    ilf_sampler *s = calloc(1, sizeof *s);
-
-    if (!s || make_scratch(s) != 0) {
-        ilf_sampler_close(s);
-        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for sampling", field->path);
-    }
-    s->field = field;
-    s->frame = *frame;
-    s->spec = *spec;
-    s->threshold = spec->threshold;
-    s->cube = spec->cube;
-    if (s->cube <= 0) {
-        /* the probes' pitch, below which the field does not change; but small enough that a lamp moves by no
-         * more than about a cell of the map from the cube's one side to the other */
-        const int most = 24, n_u = in->n_u - 1 > most ? in->n_u - 1 : most,
-                  n_v = in->n_v - 1 > most ? in->n_v - 1 : most;
-        const double pu = frame->len_u / n_u, pv = frame->len_v / n_v;
-        s->cube = sqrt(pu) * sqrt(pv);
-    }
-    const ilf_status st = ilf_find_patches(s, err);
-    if (st != ILF_OK) {
-        ilf_sampler_close(s);
-        return st;
-    }
-    *sampler = s;
-    return ILF_OK;
-}
-
-double ilf_sampler_threshold(const ilf_sampler *s)
-{
-    return s->threshold;
-}
-
-int64_t ilf_sampler_patches(const ilf_sampler *s)
-{
-    return (int64_t)s->patches.n;
-}
-
-int64_t ilf_sampler_slices(const ilf_sampler *s)
-{
-    return s->built;
-}
-
-/* ---- building a slice ----------------------------------------------------------------------- */
+/* ---- the probes' weights ------------------------------------------------------------------------ */
 
 /* Largest tent weight of grid node k while the grid coordinate runs over lo..hi, clamped to the grid. */
 static float tent(float lo, float hi, int k, int n)
@@ -137,14 +54,14 @@ static float tent(float lo, float hi, int k, int n)
 }
 
 /* See ilf_sampler.h; the drawing above. */
-float ilf_patch_weight(const ilf_sampler *s, const patch *p, const float x[3], float r)
+float ilf_patch_weight(const ilf_patches *pl, const patch *p, const float x[3], float r)
 {
-    const ilf_info *in = &s->field->info;
+    const ilf_info *in = &pl->field->info;
     const float up = p->n - x[2], slack = r + p->radius;
 
     if (up + slack <= 0) return 0;
-    const float su = (float)(in->n_u - 1) / (float)s->frame.len_u,
-                sv = (float)(in->n_v - 1) / (float)s->frame.len_v;
+    const float su = (float)(in->n_u - 1) / (float)pl->frame.len_u,
+                sv = (float)(in->n_v - 1) / (float)pl->frame.len_v;
     if (up <= 2 * slack) return 1; /* so close that the foot may be anywhere */
     const float tu = (p->u - x[0]) / up, tv = (p->v - x[1]) / up, k = fabsf(x[2]) / (up - slack);
     const float spread_u = (1 + fabsf(tu)) * (r * (1 + k) + p->radius * k);
@@ -154,6 +71,8 @@ float ilf_patch_weight(const ilf_sampler *s, const patch *p, const float x[3], f
 
     return wu > 0 ? wu * tent((fv - spread_v) * sv, (fv + spread_v) * sv, p->j, in->n_v) : 0;
 }
+
+/* ---- the map ------------------------------------------------------------------------------------ */
 
 /* Light of a probe in a cell.  Within one probe patches overlap: the larger counts; different probes' weights
  * add up, as in the lookup.  Returns 1 if the cell is new. */
@@ -185,13 +104,12 @@ static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, floa
 {
     const double d[3] = {(double)(p->u - x[0]), (double)(p->v - x[1]), (double)(p->n - x[2])};
     const double dist = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-    const double ball = (double)p->radius + (double)r * 1.7320508; /* a cube's half diagonal */
-    const double half_cell = 1.5 * 1.4142136 / MARK_SIDE * 1.5708; /* cells are at most that far across */
+    const double ball = (double)p->radius + (double)r * SQRT3; /* a cube's half diagonal */
     const double cone = ball < dist ? asin(ball / dist) : ILF_PI;
-    const double reach = cone + half_cell;
+    const double reach = cone + HALF_CELL;
     const double unit[3] = {d[0] / dist, d[1] / dist, d[2] / dist};
     const float value = w * p->excess, near = reach < ILF_PI ? (float)cos(reach) : -1.f;
-    const int owner = p->j * s->field->info.n_u + p->i + 1;
+    const int owner = p->j * s->of->field->info.n_u + p->i + 1;
     double a, b;
 
     ilf_hemi_to_square(&a, &b, unit);
@@ -205,7 +123,7 @@ static int splat(ilf_sampler *s, const patch *p, const float x[3], float r, floa
 
     for (int row = b0; row <= b1; row++)
         for (int k = row * MARK_SIDE + a0; k <= row * MARK_SIDE + a1; k++) {
-            const float *c = s->mark_dir[k];
+            const float *c = s->of->mark_dir[k];
 
             if (c[0] * du + c[1] * dv + c[2] * dn >= near &&
                 add_light(&s->mark[k], owner, value, (float)dist))
@@ -246,16 +164,16 @@ static int by_number(const void *a, const void *b)
  * as large). */
 static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf_error *err)
 {
-    const ilf_frame *fr = &s->frame;
+    const ilf_frame *fr = &s->of->frame;
     double x[3], seen = 0, bound = 0;
 
     for (int c = 0; c < 3; c++)
-        x[c] =
-            fr->origin[c] + s->cube * (((double)key[0] + 0.5) * fr->u[c] + ((double)key[1] + 0.5) * fr->v[c] +
-                                       ((double)key[2] + 0.5) * fr->n[c]);
+        x[c] = fr->origin[c] +
+               s->of->cube * (((double)key[0] + 0.5) * fr->u[c] + ((double)key[1] + 0.5) * fr->v[c] +
+                              ((double)key[2] + 0.5) * fr->n[c]);
     for (int t = 0; t < touched; t++) {
         const int k = s->touched[t];
-        const int ends = s->spec.mode == ILF_DEPTH && s->near[k] < 0.98f * s->far[k] ? 2 : 1;
+        const int ends = s->of->mode == ILF_DEPTH && s->near[k] < ONE_DISTANCE * s->far[k] ? 2 : 1;
 
         for (int end = 0; end < ends; end++) {
             const double far = (double)(end ? s->near[k] : s->far[k]);
@@ -263,15 +181,15 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
             float rgb[3];
 
             for (int c = 0; c < 3; c++) {
-                d[c] = (double)s->cell_dir[k][0] * fr->u[c] + (double)s->cell_dir[k][1] * fr->v[c] +
-                       (double)s->cell_dir[k][2] * fr->n[c];
+                d[c] = (double)s->of->cell_dir[k][0] * fr->u[c] + (double)s->of->cell_dir[k][1] * fr->v[c] +
+                       (double)s->of->cell_dir[k][2] * fr->n[c];
                 hit[c] = x[c] + far * d[c];
             }
             const ilf_status st =
-                ilf_eval(rgb, s->field, fr, x, d, s->spec.mode == ILF_DEPTH ? hit : x, s->spec.mode, err);
+                ilf_eval(rgb, s->of->field, fr, x, d, s->of->mode == ILF_DEPTH ? hit : x, s->of->mode, err);
             if (st != ILF_OK) return st;
-            const float value =
-                (float)fmin(ilf_luminance(rgb) / s->unit * ilf_excess_part(rgb, s->threshold), 1e6);
+            const float value = (float)fmin(
+                ilf_luminance(rgb) / s->of->unit * ilf_excess_part(rgb, s->of->threshold), MOST_SEEN);
             if (value > s->seen[k]) s->seen[k] = value;
         }
     }
@@ -317,25 +235,25 @@ static ilf_slice *collect(ilf_sampler *s, int touched)
         sl->cdf[k] = (float)total;
         sl->near[k] = s->near[at];
         sl->far[k] = s->far[at];
-        total += fmax((double)s->weight[at], 1e-30); /* never 0 in all */
+        total += fmax((double)s->weight[at], LEAST_WEIGHT);
     }
     for (size_t k = 0; k < n; k++) sl->cdf[k] = (float)((double)sl->cdf[k] / total);
     sl->cdf[n] = 1;
-    sl->total = total * s->unit;
+    sl->total = total * s->of->unit;
     return sl;
 }
 
-static ilf_status build(ilf_slice **slice, ilf_sampler *s, const int64_t key[3], ilf_error *err)
+ilf_status ilf_build_slice(ilf_slice **slice, ilf_sampler *s, const int64_t key[3], ilf_error *err)
 {
-    const double e = s->cube;
+    const double e = s->of->cube;
     const float x[3] = {(float)(((double)key[0] + 0.5) * e), (float)(((double)key[1] + 0.5) * e),
                         (float)(((double)key[2] + 0.5) * e)};
     const float r = (float)(0.5 * e);
     int marked = 0;
 
-    for (size_t k = 0; k < s->patches.n; k++) {
-        const float w = ilf_patch_weight(s, &s->patches.p[k], x, r);
-        if (w > 0) marked = splat(s, &s->patches.p[k], x, r, w, marked);
+    for (size_t k = 0; k < s->of->n; k++) {
+        const float w = ilf_patch_weight(s->of, &s->of->p[k], x, r);
+        if (w > 0) marked = splat(s, &s->of->p[k], x, r, w, marked);
     }
     const int touched = touch(s, marked);
     const ilf_status st = sharpen(s, touched, key, err); /* also clears what it has seen */
@@ -344,79 +262,9 @@ static ilf_status build(ilf_slice **slice, ilf_sampler *s, const int64_t key[3],
         free(sl);
         return st;
     }
-    if (!sl) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
+    if (!sl) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->of->field->path);
     memcpy(sl->key, key, sizeof sl->key);
-    s->built++;
+    s->work.slices++;
     *slice = sl;
-    return ILF_OK;
-}
-
-/* ---- finding a slice ------------------------------------------------------------------------ */
-
-static size_t hash(const int64_t key[3])
-{
-    uint64_t h = (uint64_t)key[0] * 0x9e3779b97f4a7c15u ^ (uint64_t)key[1] * 0xc2b2ae3d27d4eb4fu ^
-                 (uint64_t)key[2] * 0x165667b19e3779f9u;
-
-    h ^= h >> 29;
-    h *= 0xbf58476d1ce4e5b9u;
-    return (size_t)(h ^ h >> 32);
-}
-
-static size_t find(ilf_slice *const *table, size_t size, const int64_t key[3])
-{
-    size_t k = hash(key) & (size - 1);
-
-    while (table[k] && memcmp(table[k]->key, key, sizeof table[k]->key) != 0) k = (k + 1) & (size - 1);
-    return k;
-}
-
-/* Keep the table at most half full; a very large scene starts anew. */
-static int make_room(ilf_sampler *s)
-{
-    if (2 * s->used < s->table_size) return 0;
-    if (s->used >= MAX_CUBES) {
-        for (size_t k = 0; k < s->table_size; k++) free(s->table[k]);
-        memset(s->table, 0, s->table_size * sizeof *s->table);
-        s->used = 0;
-        return 0;
-    }
-    const size_t size = 2 * s->table_size;
-    ilf_slice **t = calloc(size, sizeof *t);
-    if (!t) return -1;
-    for (size_t k = 0; k < s->table_size; k++)
-        if (s->table[k]) t[find(t, size, s->table[k]->key)] = s->table[k];
-    free(s->table);
-    s->table = t;
-    s->table_size = size;
-    return 0;
-}
-
-ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *s, const double point[3], ilf_error *err)
-{
-    const ilf_frame *fr = &s->frame;
-    int64_t key[3];
-
-    *slice = NULL;
-    if (s->patches.n == 0) return ILF_OK;
-    for (int c = 0; c < 3; c++) {
-        const double *axis = c == 0 ? fr->u : c == 1 ? fr->v : fr->n;
-        const double x = (point[0] - fr->origin[0]) * axis[0] + (point[1] - fr->origin[1]) * axis[1] +
-                         (point[2] - fr->origin[2]) * axis[2];
-        const double q = floor(x / s->cube);
-        if (!(fabs(q) < 1e15))
-            return ilf_fail(err, ILF_ERR_ARG, "point: expected finite coordinates near the light field");
-        key[c] = (int64_t)q;
-    }
-    size_t k = find(s->table, s->table_size, key);
-    if (!s->table[k]) {
-        if (make_room(s) != 0)
-            return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a slice", s->field->path);
-        k = find(s->table, s->table_size, key);
-        const ilf_status st = build(&s->table[k], s, key, err);
-        if (st != ILF_OK) return st;
-        s->used++;
-    }
-    if (s->table[k]->cells) *slice = s->table[k];
     return ILF_OK;
 }

@@ -107,7 +107,7 @@ static void put(const double *r, size_t n)
     if (fwrite(r, sizeof *r, n, stdout) != n) cli_fail(CLI_FAILED, "standard output: cannot write");
 }
 
-static void one_record(const char *what, ilf_sampler *s, const double *r)
+static void one_record(const char *what, const ilf_patches *bright, ilf_sampler *s, const double *r)
 {
     ilf_slice *slice;
     ilf_error err;
@@ -117,7 +117,7 @@ static void one_record(const char *what, ilf_sampler *s, const double *r)
         double out[1 + 5 * MOST] = {0};
         int n;
 
-        ok(ilf_sampler_lamps(lamps, &n, MOST, s, r, r[3], &err), &err);
+        ok(ilf_patches_lamps(lamps, &n, MOST, bright, r, r[3], &err), &err);
         out[0] = n;
         for (int k = 0; k < n; k++) {
             memcpy(out + 1 + 5 * k, lamps[k].position, 3 * sizeof *out);
@@ -148,7 +148,8 @@ static void one_record(const char *what, ilf_sampler *s, const double *r)
 int main(int argc, char **argv)
 {
     const int n = cli_parse(&prog, argc, argv);
-    ilf_sampler_spec spec = {0};
+    ilf_patches_spec spec = {0};
+    ilf_patches *bright;
     ilf_sampler *s;
     ilf_error err;
     ilf *field;
@@ -163,14 +164,16 @@ int main(int argc, char **argv)
     spec.hit = has_box || has_sphere ? way_out : NULL;
     spec.cube = cube;
     spec.threshold = threshold;
-    ok(ilf_sampler_open(&s, field, ilf_get_frame(field), &spec, &err), &err);
+    ok(ilf_patches_open(&bright, field, ilf_get_frame(field), &spec, &err), &err);
+    ok(ilf_sampler_open(&s, bright, &err), &err);
     if (strcmp(what, "info") == 0) {
-        printf("%.17g %lld\n", ilf_sampler_threshold(s), (long long)ilf_sampler_patches(s));
+        printf("%.17g %lld\n", ilf_patches_threshold(bright), (long long)ilf_patches_count(bright));
     } else {
         double r[6];
-        while (fread(r, sizeof *r, size, stdin) == size) one_record(what, s, r);
+        while (fread(r, sizeof *r, size, stdin) == size) one_record(what, bright, s, r);
     }
     ilf_sampler_close(s);
+    ilf_patches_close(bright);
     ilf_close(field);
     return cli_end(CLI_OK);
 }

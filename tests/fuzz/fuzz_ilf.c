@@ -63,13 +63,15 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             free(rgb);
             look_up(field);
             if ((int64_t)i->n_u * i->n_v <= 64) {
-                const ilf_sampler_spec spec = {.mode = ILF_DEPTH};
+                const ilf_patches_spec spec = {.mode = ILF_DEPTH};
+                ilf_patches *bright = NULL;
                 ilf_sampler *s = NULL;
                 ilf_slice *slice = NULL;
-                if (ilf_sampler_open(&s, field, ilf_get_frame(field), &spec, &err) != ILF_OK) {
-                    HOLDS(s == NULL);
+                if (ilf_patches_open(&bright, field, ilf_get_frame(field), &spec, &err) != ILF_OK) {
+                    HOLDS(bright == NULL);
                     one_line(err.text);
-                } else if (ilf_sampler_slice(&slice, s, ilf_get_frame(field)->origin, &err) != ILF_OK)
+                } else if (ilf_sampler_open(&s, bright, &err) != ILF_OK) one_line(err.text);
+                else if (ilf_sampler_slice(&slice, s, ilf_get_frame(field)->origin, &err) != ILF_OK)
                     one_line(err.text);
                 else if (slice) {
                     ilf_draw draw;
@@ -77,6 +79,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
                     HOLDS(isfinite(draw.pdf) && draw.pdf >= 0);
                 }
                 ilf_sampler_close(s);
+                ilf_patches_close(bright);
             }
         }
         ilf_close(field);
