@@ -8,7 +8,10 @@ RAD_COMMON := addobjnotify badarg biggerlib bmalloc bmpfile bsdf bsdf_m bsdf_t b
 	mat4 mesh modobject multisamp myhostname normcodec objset octree otypes paths plocate portio \
 	process quit readCSV readfargs readmesh readobj readoct resolu rexpr savestr savqstr sceneio \
 	spec_rgb tcos timegm tmap16bit tmapcolrs tmapluv tmaptiff tmesh tonemap triangulate urand urind \
-	wordfile words wputs xf zeroes  unix_process strnstr strlcpy
+	wordfile words wputs xf zeroes unix_process strnstr strlcpy
+# drawn in by those that ask for them
+RAD_COMMON += abitmap abitmapio objutil readwfobj convertobj writewfobj objtriangulate mgf_context mgf_object mgf_parser mgf_xf \
+	g3affine g3flist g3sphere g3vector gbasic muc_randvar
 # pmcontrib2 goes with the old rcontrib alone; pmapooc is included by another file
 RAD_RT := ambcomp ambient ambio aniso ashikhmin dielectric fprism freeobjmem func glass initotypes \
 	m_alias m_brdf m_bsdf m_wgmdf m_clip m_direct m_mirror m_mist mx_data mx_func noise3 normal o_cone \
@@ -17,30 +20,26 @@ RAD_RT := ambcomp ambient ambio aniso ashikhmin dielectric fprism freeobjmem fun
 	source sphere srcobstr srcsamp srcsupp t_data t_func text virtuals
 
 # what the simulation managers stand on
-RAD_CALLS := rt/raycalls rt/raypcalls rt/rayfifo common/abitmap common/abitmapio
-RAD_MESH  := common/objutil common/readwfobj common/convertobj common/writewfobj common/objtriangulate
-RAD_MGF   := common/mgf_context common/mgf_object common/mgf_parser common/mgf_xf
+RAD_CALLS := rt/raycalls rt/raypcalls rt/rayfifo
 RAD_MTX   := util/cmatrix util/cmbsdf util/cmconst
 RAD_RBF   := cv/bsdfrep cv/bsdfinterp
 
 RAD_MAIN_rpict     := rt/rpmain rt/rpict rt/srcdraw rt/persist rt/duphead
-RAD_MAIN_rtrace    := rt/rtmain rt/rtrace rt/duphead rt/persist rt/raycalls rt/raypcalls rt/rayfifo
+RAD_MAIN_rtrace    := rt/rtmain rt/rtrace rt/duphead rt/persist $(RAD_CALLS)
 RAD_MAIN_rcontrib  := rt/rcmain rt/rcontrib rt/rc2 rt/rc3 rt/pmcontrib2
 RAD_MAIN_rxtrace   := rt/rxtmain rt/rxtrace rt/RtraceSimulManager $(RAD_CALLS)
 RAD_MAIN_rxpict    := rt/rxpmain rt/RpictSimulManager rt/RtraceSimulManager rt/srcdraw $(RAD_CALLS)
 RAD_MAIN_rxpiece   := rt/rxpiece rt/RpictSimulManager rt/RtraceSimulManager rt/srcdraw $(RAD_CALLS)
-RAD_MAIN_rxcontrib := rt/rxcmain rt/RcontribSimulManager rt/RtraceSimulManager rt/RdataShareFile rt/RdataShareMap rt/pmcontrib2 \
-	$(RAD_CALLS)
-RAD_MAIN_rxfluxmtx := rt/rxfluxmtx rt/RcontribSimulManager rt/RtraceSimulManager rt/RdataShareFile rt/RdataShareMap rt/pmcontrib2 \
-	$(RAD_CALLS)
+RAD_MAIN_rxcontrib := rt/rxcmain rt/RcontribSimulManager rt/RtraceSimulManager rt/RdataShareFile rt/RdataShareMap $(RAD_CALLS)
+RAD_MAIN_rxfluxmtx := rt/rxfluxmtx rt/RcontribSimulManager rt/RtraceSimulManager rt/RdataShareFile rt/RdataShareMap $(RAD_CALLS)
 RAD_MAIN_lookamb   := rt/lookamb rt/ambio
 RAD_MAIN_oconv     := ot/bbox ot/initotypes ot/o_cone ot/o_face ot/o_instance ot/oconv ot/sphere ot/writeoct
-RAD_MAIN_obj2mesh  := ot/cvmesh ot/o_face ot/obj2mesh ot/wfconv ot/writemesh $(RAD_MESH)
+RAD_MAIN_obj2mesh  := ot/cvmesh ot/o_face ot/obj2mesh ot/wfconv ot/writemesh
 RAD_MAIN_xform     := gen/xform
 RAD_MAIN_gendaylit := gen/gendaylit gen/sun
 RAD_MAIN_gensky    := gen/gensky gen/sun
-RAD_MAIN_genbox    := gen/genbox $(RAD_MESH)
-RAD_MAIN_gensurf   := gen/gensurf $(RAD_MESH)
+RAD_MAIN_genbox    := gen/genbox
+RAD_MAIN_gensurf   := gen/gensurf
 RAD_MAIN_genrev    := gen/genrev
 RAD_MAIN_genworm   := gen/genworm
 RAD_MAIN_genprism  := gen/genprism
@@ -81,12 +80,11 @@ RAD_EXTRA          :=
 # radiance-all
 RAD_MAIN_mkpmap    := rt/mkpmap
 RAD_MAIN_pmapdump  := rt/pmapdump
-RAD_MAIN_mkillum   := gen/mkillum gen/mkillum2 gen/mkillum3 rt/raycalls rt/raypcalls rt/rayfifo
-RAD_MAIN_mksource  := gen/mksource rt/raycalls rt/raypcalls rt/rayfifo
-RAD_MAIN_ranimove  := util/ranimove util/ranimove1 util/ranimove2 rt/raycalls rt/raypcalls rt/rayfifo
-RAD_MAIN_rsensor   := util/rsensor rt/raycalls rt/raypcalls rt/rayfifo
-RAD_MAIN_rvu       := rt/rvmain rt/rview rt/rv2 rt/rv3 rt/devtable rt/devcomm rt/editline rt/x11 rt/x11twind rt/colortab rt/raycalls \
-	rt/raypcalls rt/rayfifo
+RAD_MAIN_mkillum   := gen/mkillum gen/mkillum2 gen/mkillum3 $(RAD_CALLS)
+RAD_MAIN_mksource  := gen/mksource $(RAD_CALLS)
+RAD_MAIN_ranimove  := util/ranimove util/ranimove1 util/ranimove2 $(RAD_CALLS)
+RAD_MAIN_rsensor   := util/rsensor $(RAD_CALLS)
+RAD_MAIN_rvu       := rt/rvmain rt/rview rt/rv2 rt/rv3 rt/devtable rt/devcomm rt/editline rt/x11 rt/x11twind rt/colortab $(RAD_CALLS)
 RAD_LIBS_rvu       := -lX11
 RAD_MAIN_ximage    := px/x11image px/x11raster px/clrtab
 RAD_LIBS_ximage    := -lX11
@@ -109,8 +107,7 @@ RAD_MAIN_rcode_ident := util/rcode_ident
 RAD_MAIN_pvsum     := util/pvsum util/cmconst util/rmatrix
 RAD_MAIN_wrapBSDF  := util/wrapBSDF
 RAD_MAIN_eplus_adduvf := util/eplus_adduvf util/eplus_idf
-RAD_MAIN_evalglare := util/evalglare util/pictool common/g3affine common/g3flist common/g3sphere common/g3vector common/gbasic \
-	common/muc_randvar
+RAD_MAIN_evalglare := util/evalglare util/pictool
 RAD_MAIN_findglare := util/findglare util/glareval util/glaresrc util/setscan
 RAD_MAIN_glarendx  := util/glarendx
 RAD_MAIN_dcglare   := util/dcglare util/cmglare $(RAD_MTX)
@@ -146,11 +143,11 @@ RAD_MAIN_arch2rad  := cv/arch2rad cv/trans
 RAD_MAIN_nff2rad   := cv/nff2rad
 RAD_MAIN_lampcolor := cv/lampcolor
 RAD_MAIN_tmesh2rad := cv/tmesh2rad
-RAD_MAIN_robjutil  := cv/robjutil $(RAD_MESH)
-RAD_MAIN_mgf2rad   := cv/mgf2rad $(RAD_MGF)
+RAD_MAIN_robjutil  := cv/robjutil
+RAD_MAIN_mgf2rad   := cv/mgf2rad
 RAD_MAIN_rad2mgf   := cv/rad2mgf
-RAD_MAIN_mgfilt    := cv/mgfilt $(RAD_MGF)
-RAD_MAIN_mgf2inv   := cv/mgf2inv $(RAD_MGF)
+RAD_MAIN_mgfilt    := cv/mgfilt
+RAD_MAIN_mgf2inv   := cv/mgf2inv
 RAD_MAIN_bsdf2rad  := cv/bsdf2rad $(RAD_RBF)
 RAD_MAIN_bsdf2ttree := cv/bsdf2ttree $(RAD_RBF)
 RAD_MAIN_bsdf2klems := cv/bsdf2klems $(RAD_RBF)
