@@ -57,8 +57,8 @@ PROGRAMS_fishremap := fishremap falloffcal
 PROGRAMS_stagectl  := stagectl
 PROGRAMS_twin      := virtualstage virtualcamera
 LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
-LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack
-LIBS_stagectl      := -lutil -lexif
+LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack -ljansson
+LIBS_stagectl      := -lutil -lexif -lcrypto
 LIBS_twin          := $(LIBS_stagectl)
 # the tool whose parts another stands on: the virtual stage speaks the real one's language
 UNDER_twin         := stagectl
@@ -89,7 +89,7 @@ PARTS = $(filter %.o %.a,$^)
 
 # ---- what a machine needs --------------------------------------------------------------------------
 DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
-DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev \
+DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev libssl-dev libjansson-dev \
 	libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
 DEBS_TEST     := gphoto2
 deps: deps-radiance deps-tools deps-test
@@ -120,7 +120,8 @@ $(VENV)/.packages: setup/requirements.txt $(VENV)/.made
 COMMON_SRC := $(wildcard common/base/*.c common/exr/*.c common/image/*.c common/image/*.cpp)
 COMMON_OBJ := $(patsubst %,$(B)/obj/%.o,$(basename $(COMMON_SRC)))
 VISION_OBJ := $(patsubst %.cpp,$(B)/obj/%.o,$(wildcard common/vision/*.cpp))
-ILFLIB_SRC := $(wildcard ilfmat/file/*.c ilfmat/lookup/*.c ilfmat/sampling/*.c)
+# common/exr knows OpenEXR's bytes, for libilf and for the pictures
+ILFLIB_SRC := $(wildcard common/exr/*.c ilfmat/file/*.c ilfmat/lookup/*.c ilfmat/sampling/*.c)
 ILFLIB_OBJ := $(ILFLIB_SRC:%.c=$(B)/obj/%.o)
 LIBILF     := $(B)/lib/libilf.a
 # the shared library's number changes with its interface, not with each version of the programs
@@ -139,11 +140,10 @@ $(B)/obj/%.o: %.cpp $(B)/flags/cxx | $(B0)/.debs-tools
 	$(Q)$(CXX) $(CPPFLAGS) $(CXXFLAGS) -c -o $@ $<
 $(B)/obj/common/vision/%.o: override CPPFLAGS += -isystem /usr/include/opencv4
 # libilf is all that rendering needs
-$(B)/obj/ilfmat/%.o: ilfmat/%.c $(B)/flags/c | $(B0)/.debs-radiance
+$(ILFLIB_OBJ): $(B)/obj/%.o: %.c $(B)/flags/c | $(B0)/.debs-radiance
 	@mkdir -p $(@D)
 	@echo "  CC  $<"
 	$(Q)$(CC) $(CPPFLAGS) $(CFLAGS) -c -o $@ $<
-$(PROGRAMS_ilfmat:%=$(B)/obj/ilfmat/programs/%.o): | $(B0)/.debs-tools
 
 $(LIBILF): $(ILFLIB_OBJ)
 	@mkdir -p $(@D) && rm -f $@
@@ -201,6 +201,7 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 -include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
 -include report/report.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
+-include docs/docs.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
 $(B)/test/falloffsim: LIBS_IMAGE += -llapacke -llapack
@@ -208,6 +209,16 @@ $(TEST_DRIVERS): $(B)/test/%: $(B)/obj/tests/c/%.o $(LIBCOMMON) $(LIBILF) $(B)/f
 	@mkdir -p $(@D)
 	@echo "  LD  $(@F)"
 	$(Q)$(CC) $(LDFLAGS) -o $@ $(PARTS) $(LIBS_IMAGE)
+
+# a tool's pure parts: numbers or text in, numbers or text out
+define parts_rule
+$(B)/test/$(1)parts: $(B)/obj/tests/$(1)/parts.o $(B)/obj/lib$(1).a $(UNDER_$(1):%=$(B)/obj/lib%.a) $(if $(findstring opencv,$(LIBS_$(1))),$(LIBVISION)) $(LIBCOMMON) $(LIBILF) $(B)/flags/ld
+	@mkdir -p $$(@D)
+	@echo "  LD  $$(@F)"
+	$$(Q)$$(CC) $$(LDFLAGS) -o $$@ $$(PARTS) $$(LIBS_$(1)) $$(LIBS_IMAGE)
+TEST_DRIVERS += $(B)/test/$(1)parts
+endef
+$(foreach t,$(patsubst tests/%/parts.c,%,$(wildcard tests/*/parts.c)),$(eval $(call parts_rule,$(t))))
 
 TEST_ARGS ?=
 # files of tests side by side

@@ -4,7 +4,8 @@
  * An incident light field (ILF) is an n_u x n_v grid of light probes on a plane; each probe is a
  * latitude/longitude map of the radiance arriving from direction (theta, phi).  Unger, Wenger,
  * Hawkins, Gardner, Debevec, "Capturing and Rendering With Incident Light Fields" (2003),
- * section 3 for the parametrisation, 5.1 for the lookup, 5.2 for the depth correction.
+ * section 3 for the parametrisation, 5.1 for the lookup, 5.2 for the depth correction.  The file and
+ * the lookup are specified in docs/FORMAT.md.
  *
  *                   n = u x v
  *                   |    . d          d = sin(phi) cos(theta) u + sin(phi) sin(theta) v + cos(phi) n
@@ -38,6 +39,7 @@
 extern "C" {
 #endif
 
+/* What a call came to. */
 typedef enum ilf_status {
     ILF_OK = 0,
     ILF_ERR_IO,     /* the system refused to open, read or write */
@@ -48,9 +50,10 @@ typedef enum ilf_status {
     ILF_ERR_CHANGED /* the file was changed in place while open; see ilf_fault */
 } ilf_status;
 
+/* The words that go with a status; the caller's. */
 typedef struct ilf_error {
-    ilf_status status;
-    char text[512]; /* one line, no newline, begins with the file's name where there is one */
+    ilf_status status; /* as the call returned it */
+    char text[512];    /* one line, no newline, begins with the file's name where there is one */
 } ilf_error;
 
 /* ---- the plane ---------------------------------------------------------------------------- */
@@ -73,19 +76,22 @@ ilf_status ilf_frame_init(ilf_frame *frame, const double origin[3], const double
 
 /* ---- the file ----------------------------------------------------------------------------- */
 
+/* The edition of docs/FORMAT.md that is written, and the only one that is read. */
 #define ILF_FILE_VERSION 1
 
+/* Numbers of 16 or of 32 bits. */
 typedef enum ilf_type { ILF_HALF, ILF_FLOAT } ilf_type;
 
+/* What a file's header says; angles in radians. */
 typedef struct ilf_info {
     int n_u, n_v;            /* grid of probes */
     int n_theta, n_phi;      /* texels of one probe: columns, rows */
     ilf_type type;           /* texels as stored (mixed channels count as float) */
     const char *compression; /* OpenEXR's name: "none", "zip", ...; static */
     int interleaved; /* the file holds the texels a second time, in the order that lookups like best */
-    float origin[3], U[3], V[3];
-    double polar_max;   /* polar angle at the map's lower edge, (0, pi] */
-    double polar_valid; /* beyond it lookups hold the value at it; at most polar_max here */
+    float origin[3], U[3], V[3]; /* of the sampled rectangle, scene's unit */
+    double polar_max;            /* polar angle at the map's lower edge, (0, pi] */
+    double polar_valid;          /* beyond it lookups hold the value at it; at most polar_max here */
     int64_t file_bytes;
 } ilf_info;
 
@@ -106,6 +112,8 @@ typedef struct ilf_usage {
     int64_t mapped_bytes;  /* of them, used in place in the file: shared between processes */
     int64_t decoded_bytes; /* of them, decompressed into this process's memory */
 } ilf_usage;
+
+/* Fill usage with what this process has used of field; any thread, at any time. */
 void ilf_get_usage(ilf_usage *usage, const ilf *field);
 
 /* ILF_ERR_CHANGED if the file was written to in place since it was opened.  Each probe's first use asks by
@@ -339,11 +347,12 @@ ilf_status ilf_eval_part(float rgb[3], const ilf_patches *patches, ilf_part part
 
 /* ---- writing ------------------------------------------------------------------------------ */
 
+/* A file to be written (docs/FORMAT.md, section 1); angles in radians. */
 typedef struct ilf_spec {
     int n_u, n_v, n_theta, n_phi; /* all >= 1 */
-    double origin[3], U[3], V[3];
-    double polar_max;   /* (0, pi] */
-    double polar_valid; /* 0: none stated */
+    double origin[3], U[3], V[3]; /* of the sampled rectangle, scene's unit */
+    double polar_max;             /* (0, pi] */
+    double polar_valid;           /* 0: none stated */
     ilf_type type;
     const char *compression; /* none rle zips zip piz pxr24 b44 b44a; NULL: none */
     /* write the texels a second time, each one's channels side by side: twice the file, faster lookups in
@@ -356,7 +365,7 @@ typedef struct ilf_spec {
     const char *name;       /* what errors call the file; NULL: its path */
 } ilf_spec;
 
-typedef struct ilf_writer ilf_writer;
+typedef struct ilf_writer ilf_writer; /* a file that is being written */
 
 /* Begin a file at path (written in place: give a temporary name and rename it after
  * ilf_writer_close).  The spec is checked as ilf_open would. */
@@ -371,8 +380,9 @@ ilf_status ilf_writer_probe(ilf_writer *writer, const float *rgb, ilf_error *err
 
 /* Finish; fails if probes are missing.  Frees the writer in every case. */
 ilf_status ilf_writer_close(ilf_writer *writer, ilf_error *err);
-void ilf_writer_abort(
-    ilf_writer *writer); /* NULL allowed; the unfinished file stays for the caller to remove */
+
+/* Give up and free the writer (NULL allowed); the unfinished file stays for the caller to remove. */
+void ilf_writer_abort(ilf_writer *writer);
 
 #ifdef __cplusplus
 }

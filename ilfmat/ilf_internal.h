@@ -13,6 +13,7 @@
 #include <sys/stat.h>
 #include <time.h>
 
+#include "exr/exr_half.h"
 #include "ilf.h"
 
 #define ILF_PI 3.14159265358979323846
@@ -26,9 +27,10 @@
  *     pix + y*row_bytes + chan_offset[c] + x*pixel_bytes
  * in one of two orders, the same for all probes of a field:
  *     planar    OpenEXR's, for each row all B, then all G, then all R: what a first part of the file that is
- * used in place dictates.  A random lookup waits for 24 cache lines. together  R G B of a texel side by side,
- * 8 to 10 cache lines: decoded memory and the file's interleaved part. The TEXEL_HEAD bytes before pix may be
- * read. */
+ *               used in place dictates.  A random lookup waits for 24 cache lines.
+ *     together  R G B of a texel side by side, 8 to 10 cache lines: decoded memory and the file's
+ *               interleaved part.
+ * The TEXEL_HEAD bytes before pix may be read. */
 enum { TEXEL_HEAD = 16 };
 typedef struct probe {
     void *decoded;    /* owned memory, or NULL when pix points into the file */
@@ -126,35 +128,13 @@ static inline ilf_status ilf_need_probe(const ilf *f, int64_t k, ilf_error *err)
 ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix, void **own, ilf_error *err);
 void ilf_unpeek_probe(const ilf *field, const unsigned char *pix, void *own);
 
-/* IEEE 754 binary16 -> binary32, exact, denormals included.  Infinity and NaN come out finite: probes are
- * checked for them. */
-static inline float ilf_half_to_float(uint16_t h)
-{
-    const uint32_t sign = (uint32_t)(h & 0x8000u) << 16;
-    union {
-        uint32_t u;
-        float f;
-    } v = {.u = (uint32_t)(h & 0x7fffu) << 13};
-
-    v.f *= 0x1p112f; /* the exponents' biases differ by 112 */
-    v.u |= sign;
-    return v.f;
-}
-
-/* The same for texels that are not checked yet: infinity and NaN stay what they are. */
-static inline float ilf_half_to_float_all(uint16_t h)
-{
-    if ((h & 0x7c00u) != 0x7c00u) return ilf_half_to_float(h);
-    return h & 0x3ffu ? NAN : h & 0x8000u ? -INFINITY : INFINITY;
-}
-
 /* Any byte alignment: tiles in a mapped file may begin anywhere. */
 static inline double ilf_texel_of(const unsigned char *p, int is_half)
 {
     if (is_half) {
         uint16_t h;
         memcpy(&h, p, sizeof h);
-        return (double)ilf_half_to_float(h);
+        return (double)half_to_float(h);
     }
     float v;
     memcpy(&v, p, sizeof v);

@@ -1,6 +1,6 @@
 """A light field as stock Radiance can hold it: colordata tables of four dimensions that colour a glow.
 
-The table is the light field without depth correction (contract, section 2, depth off): where the ray's line crosses the plane z = 0,
+The table is the light field without depth correction (docs/FORMAT.md, section 2.3): where the ray's line crosses the plane z = 0,
 clamped to the sampled rectangle, and its direction.  It has no importance sampling, is read as text at start-up, and has one column
 more on each side so that the azimuth wraps.
 

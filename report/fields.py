@@ -1,6 +1,6 @@
 """Light fields made coarser: every n-th probe, probes shrunk with a box filter.
 
-Reads a light field (contract, section 1) and writes its probes again for ilfpack.  A shrunk texel is the mean of those
+Reads a light field (docs/FORMAT.md, section 1) and writes its probes again for ilfpack.  A shrunk texel is the mean of those
 that it covers, weighted with their solid angles.
 
 usage: python -m report coarser --every N --shrink K -o FOLDER FILE.ilf.exr

@@ -33,6 +33,11 @@ def cost(name, picture):
     return {}
 
 
+def made_by(name, log, command):
+    """The builds of all programs that a picture, its light field and its error came from."""
+    return {**run.programs(command), **run.builds.read(run.TOP / folder(name) / "room.ilf.programs"), **log.get("programs", {})}
+
+
 def repeat(name, picture, log):
     """The rendering again, halved as the figure is, measured."""
     here = folder(name)
@@ -48,9 +53,10 @@ def main(argv=()):
             here = run.TOP / folder(name)
             e = measures.of_files_clipped(here / f"{picture}.hdr", here / "photo.hdr", here / "mask.hdr")
             log = cost(name, picture)
+            command = repeat(name, picture, log)
             rows.append(dict(figure=name, row=label, x="", y=e["rmse"], measure=CLIPPED, error=e["rmse"], ssim=e["ssim"],
                              reference="photograph: the full room", reference_error="", cpu_s=log.get("cpu_s", ""), peak_mb=log.get("peak_mb", ""),
-                             note=picture, command=repeat(name, picture, log)))
+                             note=picture, command=command, programs=made_by(name, log, command)))
     run.write_rows("figures", rows)
     for r in rows:
         print(f"    {r['figure']} {r['row']:22s} RMSE {r['error']:.4f}  SSIM {r['ssim']:.4f}")

@@ -116,7 +116,8 @@ def table(rows):
     for r in rows:
         cells = [f'<td{f" class={chr(34)}{k}{chr(34)}" if k else ""} data-label="{h}" data-key="{key}" data-value="{text(r[key])}">{show(r[key])}</td>'
                  for h, k, key, show in shown]
-        cells.append(f'<td class="c"><details><summary>command</summary><pre>{text(r["command"])}</pre></details></td>')
+        cells.append(f'<td class="c"><details><summary>command</summary><pre>{text(r["command"])}</pre>'
+                     f'<span class="quiet">by {text(r["programs"])}</span></details></td>')
         body.append(f'<tr data-section="{text(r["section"])}" data-row="{text(r["row"])}">{"".join(cells)}</tr>')
     return f"<table><thead><tr>{head}</tr></thead><tbody>\n" + "\n".join(body) + "\n</tbody></table>"
 
@@ -142,8 +143,16 @@ def plot(caption, wide, narrow):
             f"<figcaption>{text(caption)}</figcaption></figure>")
 
 
-def build(sections, panels, plots, findings=(), facts=None):
-    """The page's text.  sections {name: rows}; panels [(title, pictures, rows)]; plots {name: [(file, caption, wide, narrow)]}."""
+def programs_table(found):
+    """found: programs.table's rows."""
+    body = "".join(f'<tr data-program="{text(name)}"><td data-label="program">{text(name)}</td><td data-label="build"><code>{text(digest)}</code></td>'
+                   f'<td class="n" data-label="numbers">{count}</td><td data-label="">{text(remark)}</td></tr>\n' for name, digest, count, remark in found)
+    return f'<table><thead><tr><th>program</th><th>build</th><th class="n">numbers</th><th></th></tr></thead><tbody>\n{body}</tbody></table>'
+
+
+def build(sections, panels, plots, findings=(), facts=None, built=((), "")):
+    """The page's text.  sections {name: rows}; panels [(title, pictures, rows)]; plots {name: [(file, caption, wide, narrow)]};
+    built: programs.table's rows, and words on the version."""
     facts = {"pixels": "?", **(facts or {})}
     shown = [n for n in TITLES if sections.get(n)]
     parts = ["<!doctype html>", '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">',
@@ -154,13 +163,17 @@ def build(sections, panels, plots, findings=(), facts=None):
              "<code>eval \"$(make -s env)\"</code>; all numbers are in <code>report.csv</code> beside this page.</p>"]
     if findings:
         parts.append("<ul>" + "".join(f"<li>{f}</li>" for f in findings) + "</ul>")
-    parts.append("<nav>" + "".join(f'<a href="#{n}">{TITLES[n]}</a>' for n in shown) + "</nav></header><main>")
+    parts.append("<nav>" + "".join(f'<a href="#{n}">{TITLES[n]}</a>' for n in shown) + ('<a href="#programs">Programs</a>' if built[0] else "") + "</nav></header><main>")
     for n in shown:
         parts.append(f'<h2 id="{n}">{TITLES[n]}</h2><p>{INTRO[n].format(**facts)}</p>')
         if n == "figures":
             parts += [panel(*p) for p in panels]
         parts += [plot(c, w, m) for _, c, w, m in plots.get(n, [])]
         parts.append(table(sections[n]))
+    if built[0]:
+        parts.append(f'<h2 id="programs">Programs</h2><p>{text(built[1])} A build is named by the first digits of the SHA-256 of the program\'s bytes. '
+                     "What each row came from stands below its command; a number is made again when one of its programs has changed.</p>")
+        parts.append(programs_table(built[0]))
     parts.append("<footer><p>CPU seconds are user plus system time of the command and its children, not of the measuring; peak memory is that of "
                  "the largest process (never below about 12 MB, the size of the program that starts it). Pictures with independent random numbers are seeded by the second "
                  "of the clock: a reference made again differs by its own error.</p></footer></main></body></html>\n")
@@ -220,7 +233,7 @@ def findings(sections):
 
 
 def main(argv=()):
-    from . import figures, plots_of, scene
+    from . import figures, plots_of, programs, scene
     folder = run.TOP / run.OUT
     wanted = list(argv) or list(TITLES)
     sections = {n: run.read_rows(folder / f"{n}.csv") for n in TITLES if n in wanted and (folder / f"{n}.csv").is_file()}
@@ -233,7 +246,8 @@ def main(argv=()):
     for found in drawn.values():
         for name, _, wide, _ in found:
             write(folder / f"{name}.png", wide)
-    page = build(sections, panels, drawn, findings(sections), {"pixels": f"{scene.SIZE[0]} × {scene.SIZE[1]}"})
+    page = build(sections, panels, drawn, findings(sections), {"pixels": f"{scene.SIZE[0]} × {scene.SIZE[1]}"},
+                 (programs.table(sections), programs.version()))
     part = folder / "report.csv.part"
     with open(part, "w", newline="") as f:
         w = csv.DictWriter(f, run.FIELDS)

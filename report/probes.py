@@ -1,6 +1,6 @@
 """Light probes without a camera: what a light field would hold if the capture made no error at all.
 
-Each texel of a latitude/longitude map (contract, section 1: row y is the polar angle, column x the azimuth) is the mean radiance
+Each texel of a latitude/longitude map (docs/FORMAT.md, section 1.2: row y is the polar angle, column x the azimuth) is the mean radiance
 over its solid angle, from rays traced through the scene from the probe's place on the plane.  A texel gets K x K rays at
 the middles of its parts; where the brightness about it differs by more than half of the probe's mean (the
 edge of a lamp) R x R.  A lamp must be wider than the K x K rays are apart, or it may be missed.

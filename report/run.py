@@ -3,7 +3,8 @@
 A command is shell text, written for a shell at the project's top folder in the environment of `make env`: what is run
 is what the page shows.  Its standard output becomes a file; beside it lies a .json of scenes/timed.py (CPU seconds, user +
 system, of the command and its children; peak memory of the largest of them).  A command whose output is there, and
-was made by the same text from inputs no younger, is not run again: a report that was stopped goes on where it was.
+was made by the same text and the same builds of the programs that it names, from inputs no younger, is not run again: a report that was
+stopped goes on where it was, and shows no number of another program than the one that is there.
 """
 import csv
 import json
@@ -18,10 +19,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 TOP = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(TOP / "scenes"))
+import builds  # noqa: E402
+
 BUILD = os.environ.get("ILF_BUILD", "build")
 OUT = f"{BUILD}/report"
 PYTHON = "build/venv/bin/python"
-FIELDS = "section figure row x y measure error ssim reference reference_error cpu_s peak_mb note command".split()
+FIELDS = "section figure row x y measure error ssim reference reference_error cpu_s peak_mb note command programs".split()
 BEGUN = time.monotonic()
 LOCK = threading.Lock()
 
@@ -50,9 +54,15 @@ def inputs_of(command, reads=()):
     return [TOP / w for w in {*words, *reads} if (TOP / w).is_file() and (not w.endswith(".amb") or w.endswith("/stage.amb"))]
 
 
+def programs(command):
+    """{name: digest} of our programs that a command names, as they are."""
+    return builds.programs(command, str(TOP / BUILD / "bin"))
+
+
 def fresh(command, out, log, reads):
     try:
-        if json.loads(log.read_text())["text"] != command:
+        known = json.loads(log.read_text())
+        if known["text"] != command or known["programs"] != programs(command):
             return False
         if not out.is_file():
             return False
@@ -99,6 +109,10 @@ def number(x):
     return f"{x:.6g}" if isinstance(x, float) else x
 
 
+def in_words(found):
+    return ", ".join(f"{name} {digest}" for name, digest in sorted(found.items()))
+
+
 def write_rows(section, rows):
     """The section's rows to a file of their own, whole or not at all."""
     path = TOP / OUT / f"{section}.csv"
@@ -110,7 +124,8 @@ def write_rows(section, rows):
         for r in rows:
             missing = set(r) - set(FIELDS)
             assert not missing, missing
-            w.writerow({"section": section, **{k: number(v) for k, v in r.items()}})
+            made_by = r.get("programs", programs(r["command"]))
+            w.writerow({"section": section, **{k: number(v) for k, v in r.items()}, "programs": in_words(made_by)})
     os.replace(part, path)
 
 

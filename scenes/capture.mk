@@ -1,25 +1,31 @@
 # From a capture session to its light field:
 #
-#   make -C scenes CAPTURE=SESSION.conf [-j N] [QUIET=--quiet] [ANEW=1]
+#   make -C scenes CAPTURE=SESSION.conf [-j N] [QUIET=--quiet] [ANEW=1|changed]
 #
 #   SESSION.conf ──stagectl capture──► PLACE/*.png, times.txt ──hdrgen──► PLACE/fisheye.exr ──fishremap──► PLACE/probe.exr
 #       ──ilfpack──► room.ilf.exr
 #
-# The same rules serve a virtual and a real stage: port, camera command and the options of each step stand in the session
-# file ([chain]; `stagectl keys` explains them), whose own folder is the working folder of every command.  Everything
-# can be stopped at any point and goes on from there; a second run runs [chain] before, and nothing else where that made the
-# same room again.  A room that has changed since the capture began is refused: ANEW=1 takes all exposures again, another
-# [output] folder keeps the old ones.  The chain's options are checked before the first exposure.  Names must be free of blanks.
+# The same rules serve a virtual and a real stage, `make demo` and `make figures`: port, camera command and the options of each
+# step stand in the session file ([chain]; `stagectl keys` explains them), whose own folder is the working folder of every command.
+# Everything can be stopped at any point and goes on from there; a second run runs [chain] before, and nothing else where that made
+# the same room again.  A room that has changed since the capture began is refused: ANEW=1 takes all exposures again,
+# ANEW=changed does where they are of another room or plan, another [output] folder keeps the old ones.  The chain's options are
+# checked before the first exposure.  What a program makes is made anew when the program's bytes have changed (rules.mk), pictures
+# of a virtual camera too where its session counts FOLDER/camera.programs among [camera] depends; those of a real one never.
+# Names must be free of blanks.
 
 SHELL       := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 MAKEFLAGS   += --no-builtin-rules
 .PRECIOUS: %/fisheye.exr %/probe.exr
+.DELETE_ON_ERROR:
 .DEFAULT_GOAL := light_field
 
 ROOT    := $(abspath $(dir $(lastword $(MAKEFILE_LIST)))/..)
 BUILD   ?= $(ROOT)/build
 BIN     := $(abspath $(BUILD))/bin
+DIGEST  := $(abspath $(BUILD))/digest
+DIGESTED := stagectl hdrgen fishremap ilfpack virtualcamera rtrace
 QUIET   ?=
 CAPTURE ?=
 SESSION := $(abspath $(firstword $(wildcard $(CAPTURE) $(ROOT)/$(CAPTURE))))
@@ -27,8 +33,9 @@ ifeq ($(and $(CAPTURE),$(SESSION)),)
 $(error expected CAPTURE=SESSION.conf, a session file$(if $(CAPTURE),: $(CAPTURE) is not there))
 endif
 
+# function files and meshes that several scenes share stand behind the session's own
 export PATH    := $(BIN):$(PATH)
-export RAYPATH := .:$(dir $(SESSION)):$(abspath $(BUILD))/lib:$(ROOT)/build/lib:$(or $(RAYPATH),/usr/local/lib/ray)
+export RAYPATH := .:$(dir $(SESSION)):$(abspath $(BUILD))/lib:$(ROOT)/build/lib:$(ROOT)/scenes/studio:$(ROOT)/build/models:$(or $(RAYPATH),/usr/local/lib/ray)
 
 get = $(shell $(BIN)/stagectl get $(SESSION) $(1))
 TIMES := $(shell $(BIN)/stagectl list $(SESSION))
@@ -41,53 +48,61 @@ LIGHT   := $(FOLDER)/$(call get,chain.light_field)
 LIST    := $(notdir $(firstword $(TIMES)))
 PLACES  := $(patsubst %/,%,$(dir $(TIMES)))
 MISSING := $(filter-out $(wildcard $(TIMES)),$(TIMES))
+NODES   := $(call get,grid.nodes)
+PLANE   := $(call get,grid.plane)
+COMMAND := $(call get,camera.command)
 BESIDE  := $(call get,chain.beside)
 BEFORE  := $(call get,chain.before)
 PORT    := $(call get,stage.port)
 
-.PHONY: light_field capture FORCE
+.PHONY: light_field capture
 light_field: $(LIGHT)
 capture: $(FOLDER)/.captured
+include $(ROOT)/scenes/rules.mk
 
 # ---- what the camera sees: built anew each time, for who knows what `before` depends on; the digests of the files that its view
 # depends on stand in a file that is touched only when they change.
-$(FOLDER)/.seen: FORCE
+CAMERA_PROGRAMS := $(if $(filter virtualcamera %/virtualcamera,$(COMMAND)),virtualcamera rtrace)
+$(FOLDER)/camera.programs: $(call made_by,$(CAMERA_PROGRAMS))
+	@mkdir -p $(@D); cat $^ /dev/null > $@
+# (a make before the capture shares the jobs of this one)
+$(FOLDER)/.seen: $(if $(CAMERA_PROGRAMS),$(FOLDER)/camera.programs) FORCE
 	@mkdir -p $(@D)
-	$(if $(BEFORE),@cd $(HERE) && $(BEFORE))
+	$(if $(BEFORE),$(if $(filter make,$(BEFORE)),+)@cd $(HERE) && $(BEFORE))
 	@cd $(HERE); stagectl seen $(SESSION) > $@.part; if cmp -s $@.part $@; then rm $@.part; else mv $@.part $@; fi
 
 # ---- capture: one process, resumed as long as a place is missing or the session file or the room has changed ---------
 # A program that runs beside it (a virtual stage) is ended with it; its port is waited for.  In a process group of its own
 # it is spared the Ctrl-C that tells stagectl to hold the stage.
-$(FOLDER)/.captured: $(SESSION) $(FOLDER)/.seen $(if $(MISSING)$(ANEW),FORCE)
+include $(ROOT)/scenes/twin.mk
+$(FOLDER)/.captured: $(SESSION) $(FOLDER)/.seen $(VIEWS_DONE) $(if $(MISSING)$(filter-out changed,$(ANEW)),FORCE)
 	@mkdir -p $(@D)
 	@cd $(HERE); stagectl plan $(SESSION) >/dev/null
-	@cd $(HERE); \
+	@cd $(HERE); anew=$(if $(filter-out changed,$(ANEW)),--anew); \
+	$(if $(filter changed,$(ANEW)),case $$(stagectl verify $(SESSION) 2>&1 || :) in (*--anew*) anew=--anew;; esac;) \
 	$(if $(BESIDE),set -m; { exec >/dev/null 2>&1; exec $(BESIDE); } & beside=$$!; set +m; trap 'kill -- -$$beside 2>/dev/null || :' EXIT; \
 	    for k in {1..100}; do [ ! -e "$(PORT)" ] || break; sleep .1; done;) \
-	stagectl $(QUIET) $(if $(ANEW),--anew) capture $(SESSION)
+	stagectl $(QUIET) $$anew capture $(SESSION)
 	@touch $@
 # (with an empty recipe make looks at the lists again once they may have been written anew)
 $(TIMES): $(FOLDER)/.captured ;
 
-# ---- what a step is made with: the file changes when its options do --------------------------------------------------
-define settings
-$(FOLDER)/.$(1): FORCE
-	@mkdir -p $$(@D); printf '%s\n' '$(subst ','\'',$(2))' > $$@.part; if cmp -s $$@.part $$@; then rm $$@.part; else mv $$@.part $$@; fi
-endef
+# ---- from the pictures to the light field: each step with its program, its options and the files that these name -----
 # corners outside a fisheye's image circle are black by nature: hdrgen counts inside
-HDRGEN := $(call get,chain.hdrgen)
-HDRGEN += $(if $(filter --circle%,$(HDRGEN)),,--circle $(call get,camera.circle))
-$(eval $(call settings,hdrgen,$(HDRGEN)))
-$(eval $(call settings,fishremap,$(call get,chain.fishremap)))
-$(eval $(call settings,ilfpack,$(call get,chain.ilfpack) $(call get,grid.plane)))
+HDRGEN    := $(call get,chain.hdrgen)
+HDRGEN    += $(if $(filter --circle%,$(HDRGEN)),,--circle $(call get,camera.circle))
+FISHREMAP := $(call get,chain.fishremap)
+ILFPACK   := $(call get,chain.ilfpack)
+named      = $(foreach w,$(subst =, ,$(1)),$(wildcard $(if $(filter /%,$(w)),,$(HERE))$(w)))
+$(eval $(call settings,$(FOLDER)/.hdrgen,$(HDRGEN)))
+$(eval $(call settings,$(FOLDER)/.fishremap,$(FISHREMAP)))
+$(eval $(call settings,$(FOLDER)/.ilfpack,$(ILFPACK) $(NODES) $(PLANE)))
 
-# ---- from the pictures to the light field ---------------------------------------------------------------------------
-%/fisheye.exr: %/$(LIST) $(FOLDER)/.hdrgen
+%/fisheye.exr: %/$(LIST) $(FOLDER)/.hdrgen $(call named,$(HDRGEN)) $(call made_by,hdrgen)
 	@cd $(HERE); hdrgen $(QUIET) $(HDRGEN) --times $< -o $@ $$(awk -v d=$(@D)/ '/^[^#]/ {print d $$1}' $<)
-%/probe.exr: %/fisheye.exr $(FOLDER)/.fishremap
-	@cd $(HERE); fishremap $(QUIET) $(call get,chain.fishremap) -o $@ $<
-$(LIGHT): $(PLACES:%=%/probe.exr) $(FOLDER)/.ilfpack
-	@cd $(HERE); ilfpack $(QUIET) $(call get,chain.ilfpack) --grid $(call get,grid.nodes) --plane "$(call get,grid.plane)" -o $@ \
-	    $(PLACES:%=%/probe.exr)
+%/probe.exr: %/fisheye.exr $(FOLDER)/.fishremap $(call named,$(FISHREMAP)) $(call made_by,fishremap)
+	@cd $(HERE); fishremap $(QUIET) $(FISHREMAP) -o $@ $<
+$(LIGHT): $(PLACES:%=%/probe.exr) $(FOLDER)/.ilfpack $(call named,$(ILFPACK)) $(call made_by,ilfpack)
+	@cd $(HERE); ilfpack $(QUIET) $(ILFPACK) --grid $(NODES) --plane "$(PLANE)" -o $@ $(PLACES:%=%/probe.exr)
+	@$(call builds,$(@:.exr=.programs),$(CAMERA_PROGRAMS) hdrgen fishremap ilfpack)
 	@echo "light field: $@"

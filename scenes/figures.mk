@@ -56,13 +56,20 @@ $(1)_NU       := $(call sized,$(2),30)
 $(1)_NV       := $(call sized,$(2),30)
 $(1)_PLANE    := -.381 -.381 0  .762 0 0  0 .762 0
 $(1)_CAMERA   := --size $(call sized,256,1024) --supersample 2 --refine 8 --bits 8 --full-scale 1 --electrons 20000 --read-noise 8
-$(1)_LENS     := --lens equidistant --fov 185
+$(1)_LENS     := equidistant 185
 $(1)_FALLOFF  := scenes/demo/lens_falloff.txt
 $(1)_CORRECT  := $(FIG)/falloff/measured.txt
-$(1)_RESPONSE := srgb
 $(1)_PROBE    := $(call sized,192x96,400x400)
 $(1)_DISCARD  := $(BIG)
 $(1)_TABLE    := scenes/demo/table.rad
+endef
+# its session, written where its results go: its values stand here, because there are two sizes of it
+define fisheye_session
+$(1)_SESSION  := $$($(1)_OUT)/session.conf
+$(1)_NAMES    := $$($(1)_FALLOFF) $$($(1)_CORRECT)
+$(1)_CONF      = $$(call session_text,$(1))
+export $(1)_CONF
+$$(eval $$(call settings_of,$$($(1)_SESSION),$(1)_CONF))
 endef
 
 # ---- figure 6: the lens's falloff, measured ----------------------------------------------------------------
@@ -73,13 +80,13 @@ LENS_185       := --lens equidistant --fov 185
 FALLOFF_CAMERA := $(LENS_185) --size 512 --bits 8 --full-scale 1 --electrons 20000 --read-noise 8 --response srgb
 FALLOFF_SOURCE := ring disc 0 0 8  0 0 1  0 0 -1  0 .035
 $(eval $(call settings,$(FALLOFF)/capture.settings,$(FALLOFF_CAMERA); $(FALLOFF_SOURCE)))
-$(FALLOFF)/%.png: $(FALLOFF)/capture.settings scenes/demo/lens_falloff.txt | $(call bins,virtualcamera rtrace oconv xform)
+$(FALLOFF)/%.png: $(FALLOFF)/capture.settings scenes/demo/lens_falloff.txt $(call made_by,virtualcamera rtrace oconv xform) | $(FUNCTIONS)
 	@mkdir -p $(@D)
 	@{ printf 'void glow lamp 0 0 4 .8 .8 .8 0\n'; echo 'lamp $(FALLOFF_SOURCE)' | $(ILF_ENV) xform -ry $*; } \
 	    | $(ILF_ENV) oconv -f - > $(FALLOFF)/$*.oct
 	@$(ILF_ENV) virtualcamera --quiet --octree $(FALLOFF)/$*.oct --plane "-.5 -.5 0  1 0 0  0 1 0" --grid 1x1 --node 0,0 --seconds 1 \
 	    $(FALLOFF_CAMERA) --falloff scenes/demo/lens_falloff.txt --render-options "-ab 0" -o $@
-$(FALLOFF)/measured.txt: $(FALLOFF_ANGLES:%=$(FALLOFF)/%.png) | $(call bins,falloffcal)
+$(FALLOFF)/measured.txt: $(FALLOFF_ANGLES:%=$(FALLOFF)/%.png) $(call made_by,falloffcal)
 	@$(ILF_ENV) falloffcal --quiet $(LENS_185) -o $@ $(foreach a,$(FALLOFF_ANGLES),$(FALLOFF)/$(a).png@$(a))
 
 # ---- figure 10: mirror spheres -------------------------------------------------------------------------
@@ -109,6 +116,7 @@ $(eval $(call fisheye_scene,figure11,8))
 figure11_SINGLE   := $(call sized,1_4,4_16)
 figure11_ROOM     := $(STUDIO) scenes/figure11/lamps.rad
 figure11_READS    := scenes/figure11/lamp_yellow.rad scenes/figure11/lamp_blue.rad scenes/studio/profile.cal $(MODELS)/statue.rtm
+$(eval $(call fisheye_session,figure11))
 $(eval $(call light_field,figure11))
 $(eval $(call light_field_pictures,figure11))
 
@@ -119,6 +127,7 @@ figure12_SINGLE   := $(call sized,6_6,15_15)
 figure12_ROOM     := $(STUDIO) scenes/figure12/lamps.rad
 figure12_HIDDEN   := scenes/figure12/branch.rad
 figure12_READS    := scenes/figure12/lamp.rad scenes/figure12/branch_up.rad $(MODELS)/statue.rtm $(MODELS)/branch.rtm
+$(eval $(call fisheye_session,figure12))
 $(eval $(call light_field,figure12))
 $(eval $(call light_field_pictures,figure12))
 
@@ -151,19 +160,17 @@ $(FIG)/figure04.png: $(FIG)/figure10/room.mosaic.png $(FIG)/figure10/spheres.exr
 	    --show "The light field|each rectangle is one sphere's hemisphere as a map$(,) pole in its top row=$(FIG)/figure10/room.mosaic.png" -o $@
 
 # all sixteen exposures of one place, the middle of figure 11's table
-SERIES := $(FIG)/exposures
-$(SERIES)/times.txt: $(figure11_STAGE) $(FIG)/figure11/room.amb | $(call bins,virtualcamera rtrace)
-	@echo "  capture: 16 exposures of one place"
-	@rm -rf $(@D) && mkdir -p $(@D) && cp $(FIG)/figure11/room.amb $(@D)/room.amb
-	@k=10; for t in $(TIMES_16); do \
-	    $(ILF_ENV):$(figure11_PATH) virtualcamera --quiet --octree $(figure11_STAGE) --plane "$(figure11_PLANE)" --grid 3x3 --node 1,1 \
-	        --seconds $$t $(LENS_185) $(figure11_CAMERA) --falloff $(figure11_FALLOFF) --response srgb --cache $(@D) \
-	        --render-options "$(LIGHT_ROOM) -af $(@D)/room.amb" -o $(@D)/e$$k.png; \
-	    echo "e$$k.png $$t"; k=$$((k + 1)); \
-	done > $@.part
-	@rm -f $(@D)/*.pfm $(@D)/room.amb
-	@mv $@.part $@
-$(FIG)/figure05.png: $(SERIES)/times.txt scenes/plots.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+$(eval $(call figure_scene,exposures,.02))
+$(eval $(call fisheye_scene,exposures,1))
+exposures_NU    := 1
+exposures_NV    := 1
+exposures_TIMES := $(TIMES_16)
+exposures_STAGE := $(figure11_STAGE)
+$(eval $(call fisheye_session,exposures))
+$(eval $(call capture,exposures,capture))
+SERIES := $(FIG)/exposures/nodes/0_0/times.txt
+$(SERIES): $(FIG)/exposures/.taken ;+
+$(FIG)/figure05.png: $(SERIES) scenes/plots.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages
 	@$(PY) scenes/plots.py strip --times $< --title "Figure 5: sixteen exposures of one place$(,) by the virtual fisheye" -o $@
 $(FIG)/figure06.png: $(FALLOFF)/measured.txt scenes/plots.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages
 	@$(PY) scenes/plots.py falloff --measured $< --true scenes/demo/lens_falloff.txt \

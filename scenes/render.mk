@@ -30,7 +30,7 @@ MODELS   := $(B0)/models
 $(MODELS)/statue.obj: scenes/models/statue.py | $(VENV)/.packages
 	@mkdir -p $(@D)
 	@$(PY) $< --height .30 --cells 110 -o $@
-$(MODELS)/%.rtm: $(MODELS)/%.obj | $(call bins,obj2mesh)
+$(MODELS)/%.rtm: $(MODELS)/%.obj $(call made_by,obj2mesh) | $(FUNCTIONS)
 	@$(ILF_ENV) obj2mesh $< $@
 
 define light_field_pictures
@@ -42,34 +42,34 @@ $(1)_RENDER_mask        := -ab 0
 $(1)_RENDER_with_room   := $($(1)_LIGHT_with)
 $(1)_RENDER_with_single := $($(1)_LIGHT_with)
 
-$($(1)_OUT)/stage.oct: $($(1)_PAINT) $($(1)_ROOM) $($(1)_HIDDEN) $($(1)_TABLE) $($(1)_CAPTURE_ONLY) $($(1)_READS) | $(call bins,oconv xform)
+$($(1)_OUT)/stage.oct: $($(1)_PAINT) $($(1)_ROOM) $($(1)_HIDDEN) $($(1)_TABLE) $($(1)_CAPTURE_ONLY) $($(1)_READS) $(call made_by,oconv xform) | $(FUNCTIONS)
 	@mkdir -p $$(@D)
 	@$$($(1)_RUN) oconv -f $($(1)_PAINT) $($(1)_ROOM) $($(1)_HIDDEN) $($(1)_TABLE) $($(1)_CAPTURE_ONLY) > $$@.part
 	@mv $$@.part $$@
-$($(1)_OUT)/photo.oct: $($(1)_PAINT) $($(1)_ROOM) $($(1)_HIDDEN) $($(1)_TABLE) $($(1)_OBJECTS) $($(1)_READS) | $(call bins,oconv xform)
+$($(1)_OUT)/photo.oct: $($(1)_PAINT) $($(1)_ROOM) $($(1)_HIDDEN) $($(1)_TABLE) $($(1)_OBJECTS) $($(1)_READS) $(call made_by,oconv xform) | $(FUNCTIONS)
 	@mkdir -p $$(@D)
 	@$$($(1)_RUN) oconv -f $($(1)_PAINT) $($(1)_ROOM) $($(1)_HIDDEN) $($(1)_TABLE) $($(1)_OBJECTS) > $$@.part
 	@mv $$@.part $$@
-$($(1)_OUT)/with_%.oct: $($(1)_OUT)/%.ilf.exr $($(1)_PAINT) $($(1)_ROOM) $($(1)_TABLE) $($(1)_OBJECTS) $($(1)_READS) | $(call bins,oconv xform)
+$($(1)_OUT)/with_%.oct: $($(1)_OUT)/%.ilf.exr $($(1)_PAINT) $($(1)_ROOM) $($(1)_TABLE) $($(1)_OBJECTS) $($(1)_READS) $(call made_by,oconv xform) | $(FUNCTIONS)
 	@{ printf 'void ilf room_light\n1 %s\n0\n0\n' $$(<F); \
 	   $$($(1)_RUN) xform -m room_light $($(1)_ROOM); cat $($(1)_TABLE) $($(1)_OBJECTS); } > $($(1)_OUT)/with_$$*.rad
 	@$$($(1)_RUN) oconv -f $($(1)_PAINT) $($(1)_OUT)/with_$$*.rad > $$@.part
 	@mv $$@.part $$@
 # the longer of the two renderings starts first
 $($(1)_OUT)/with_single.oct: | $($(1)_OUT)/room.ilf.exr
-$($(1)_OUT)/mask.oct: scenes/demo/mask_materials.rad $($(1)_TABLE) $($(1)_OBJECTS) $($(1)_READS) | $(call bins,oconv xform)
+$($(1)_OUT)/mask.oct: scenes/demo/mask_materials.rad $($(1)_TABLE) $($(1)_OBJECTS) $($(1)_READS) $(call made_by,oconv xform) | $(FUNCTIONS)
 	@mkdir -p $$(@D)
 	@{ cat $$<; $$($(1)_RUN) xform -m mask_table $($(1)_TABLE); \
 	   $$($(1)_RUN) xform -m mask_objects $($(1)_OBJECTS); } | $$($(1)_RUN) oconv -f - > $$@.part
 	@mv $$@.part $$@
 
-$($(1)_OUT)/%.big.hdr: $($(1)_OUT)/%.oct $($(1)_VIEW) $($(1)_OUT)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
+$($(1)_OUT)/%.big.hdr: $($(1)_OUT)/%.oct $($(1)_VIEW) $($(1)_OUT)/render.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
 	@echo "  render: $(1) $$* $$($(1)_RENDER_$$*)"
 	@$$($(1)_RUN) $(PY) scenes/timed.py --log $($(1)_OUT)/$$*.json -o $$@ -- rpict $$($(1)_PICT) $$($(1)_RENDER_$$*) $$<
-$($(1)_OUT)/%.hdr: $($(1)_OUT)/%.big.hdr | $(call bins,pfilt)
+$($(1)_OUT)/%.hdr: $($(1)_OUT)/%.big.hdr $(call made_by,pfilt)
 	@$$(ILF_ENV) $(HALVE) $$< > $$@.part
 	@mv $$@.part $$@
 
-$($(1)_OUT)/%.mosaic.png: $($(1)_OUT)/%.ilf.exr | $(call bins,ilfinfo)
+$($(1)_OUT)/%.mosaic.png: $($(1)_OUT)/%.ilf.exr $(call made_by,ilfinfo)
 	@$$(ILF_ENV) ilfinfo --quiet --montage $$@ $$< > $($(1)_OUT)/$$*.ilf.txt
 endef

@@ -30,19 +30,17 @@ demo-clean:
 
 # ---- (b) the virtual capture -------------------------------------------------------------------------
 # Two spotlights in a studio, 6 x 6 positions on a plane of 30 x 30 inches at the table's height.
+# How they are captured stands in the session; DEMO_SESSION names another, whose [output] folder is $(DEMO).
+DEMO_SESSION  ?= $(SCENES)/session.conf
 demo_OUT      := $(DEMO)
 demo_PATH     := $(TOP)/$(SCENES):$(TOP)/$(DEMO):$(TOP)/$(MODELS)
+demo_SESSION  := $(DEMO_SESSION)
 demo_STAGE    := $(DEMO)/stage.oct
-demo_NU       := 6
-demo_NV       := 6
-demo_PLANE    := -.381 -.381 0  .762 0 0  0 .762 0
-demo_TIMES    := 1/1024 1/128 1/16 1/2 4 32
-demo_CAMERA   := --size 256 --supersample 2 --refine 8 --bits 8 --full-scale 1 --electrons 20000 --read-noise 8
-demo_LENS     := --lens equidistant --fov 185
-demo_FALLOFF  := $(SCENES)/lens_falloff.txt
-demo_RESPONSE := srgb
-demo_LIGHT    := -ab 2 -aa .15 -ad 1024 -as 256 -ar 32 -ds .1 -dj .6 -dt 0 -dc 1 -w
-demo_PROBE    := 192x96
+demo_NAMES    := $(SCENES)/lens_falloff.txt
+demo_NODES    := $(subst x, ,$(call in_session,$(DEMO_SESSION),nodes))
+demo_NU       := $(firstword $(demo_NODES))
+demo_NV       := $(lastword $(demo_NODES))
+demo_PLANE    := $(call in_session,$(DEMO_SESSION),plane)
 demo_SINGLE   := 2_2
 $(eval $(call light_field,demo))
 
@@ -60,10 +58,10 @@ $(eval $(call light_field_pictures,demo))
 
 $(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --reference "Photograph: the room itself=$(DEMO)/photo.hdr" \
-	    --picture "Incident light field, 6 × 6 probes=$(DEMO)/with_room.hdr" \
+	    --picture "Incident light field, $(demo_NU) × $(demo_NV) probes=$(DEMO)/with_room.hdr" \
 	    --picture "Single probe=$(DEMO)/with_single.hdr" --mask $(DEMO)/mask.hdr \
-	    --title "Two spotlights, captured by a virtual fisheye at 6 × 6 positions, 6 exposures each" \
-	    --extra "the light field: 6 × 6 probes, each the hemisphere as a map=$(DEMO)/room.mosaic.png" \
+	    --title "Two spotlights, captured by a virtual fisheye at $(demo_NU) × $(demo_NV) positions" \
+	    --extra "the light field: $(demo_NU) × $(demo_NV) probes, each the hemisphere as a map=$(DEMO)/room.mosaic.png" \
 	    --csv $(DEMO)/errors.csv -o $@
 
 # ---- (a) real photographs ------------------------------------------------------------------------------
@@ -77,24 +75,24 @@ OFFICE_RUN      = $(ILF_ENV):$(TOP)/$(SCENES):$(TOP)/$(OUT_OFFICE):$(TOP)/$(MODE
 .PHONY: no-office
 no-office:
 	@echo "demo: real photographs left out: no *.jpg in $(OFFICE) (OFFICE=DIR names a series of your own; see scenes/README.md)"
-$(OUT_OFFICE)/fisheye.exr: $(OFFICE_IMAGES) | $(call bins,hdrgen)
+$(OUT_OFFICE)/fisheye.exr: $(OFFICE_IMAGES) $(call made_by,hdrgen)
 	@mkdir -p $(@D)
-	@echo "  office: merging $(words $^) photographs"
-	@$(ILF_ENV) hdrgen --quiet --response $(OFFICE_RESPONSE) -o $@ $^
-$(OUT_OFFICE)/probe.exr: $(OUT_OFFICE)/fisheye.exr | $(call bins,fishremap)
+	@echo "  office: merging $(words $(OFFICE_IMAGES)) photographs"
+	@$(ILF_ENV) hdrgen --quiet --response $(OFFICE_RESPONSE) -o $@ $(OFFICE_IMAGES)
+$(OUT_OFFICE)/probe.exr: $(OUT_OFFICE)/fisheye.exr $(call made_by,fishremap)
 	@$(ILF_ENV) fishremap --quiet $(OFFICE_LENS) $(OFFICE_CIRCLE) --size 720x180 --polar-max 90 \
 	    $(OFFICE_FALLOFF) -o $@ $<
-$(OUT_OFFICE)/office.ilf.exr: $(OUT_OFFICE)/probe.exr | $(call bins,ilfpack)
+$(OUT_OFFICE)/office.ilf.exr: $(OUT_OFFICE)/probe.exr $(call made_by,ilfpack)
 	@$(ILF_ENV) ilfpack --quiet --grid 1x1 --plane "-.5 0 -.5  1 0 0  0 0 1" --type float -o $@ $<
-$(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(MODELS)/statue.rtm | $(call bins,oconv xform)
+$(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(MODELS)/statue.rtm $(call made_by,oconv xform) | $(FUNCTIONS)
 	@$(OFFICE_RUN) oconv -f $(SCENES)/office.rad > $@.part
 	@mv $@.part $@
 $(eval $(call settings,$(OUT_OFFICE)/render.settings,$(DEMO_RES) $(PICT_ILF) -ad $(OFFICE_AD)))
-$(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(OUT_OFFICE)/render.settings scenes/timed.py | $(VENV)/.packages $(call bins,rpict)
+$(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(OUT_OFFICE)/render.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
 	@echo "  render: office $(PICT_ILF) -ad $(OFFICE_AD)"
 	@$(OFFICE_RUN) $(PY) scenes/timed.py --log $(OUT_OFFICE)/office.json -o $@ -- \
 	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) $(PICT_RAYS) $(PICT_ILF) -ad $(OFFICE_AD) $<
-$(OUT_OFFICE)/office.hdr: $(OUT_OFFICE)/office.big.hdr | $(call bins,pfilt)
+$(OUT_OFFICE)/office.hdr: $(OUT_OFFICE)/office.big.hdr $(call made_by,pfilt)
 	@$(ILF_ENV) $(HALVE) $< > $@.part
 	@mv $@.part $@
 $(DEMO)/office.png: $(OUT_OFFICE)/office.hdr scenes/compare.py scenes/pictures.py | $(VENV)/.packages

@@ -4,7 +4,8 @@ usage: timed.py --log FILE.json -o OUT -- COMMAND ARG...
 
 COMMAND's standard output becomes OUT (written to a temporary file and renamed, so that a run that was
 stopped leaves no OUT).  FILE.json then holds the command, its CPU seconds (user + system, of it and
-its children), wall-clock seconds and peak memory in MB.
+its children), wall-clock seconds, peak memory in MB, and which builds of the programs in PATH's first folder it named
+(builds.py).
 """
 import argparse
 import json
@@ -15,6 +16,8 @@ import subprocess
 import sys
 import time
 
+import builds
+
 
 def main():
     ap = argparse.ArgumentParser(description="run a command, keep its output and what it cost")
@@ -23,6 +26,7 @@ def main():
     ap.add_argument("command", nargs="+", help="after --: the command and its arguments")
     a = ap.parse_args()
     tmp = f"{a.output}.{os.getpid()}.tmp"
+    made_by = builds.programs(" ".join(a.command), os.environ.get("PATH", "").split(":")[0])
     start = time.monotonic()
     try:
         with open(tmp, "wb") as out:
@@ -39,7 +43,7 @@ def main():
         if os.path.exists(tmp):
             os.unlink(tmp)
     log = {"command": shlex.join(a.command), "cpu_s": round(used.ru_utime + used.ru_stime, 2),
-           "wall_s": round(time.monotonic() - start, 2), "peak_mb": round(used.ru_maxrss / 1024, 1)}
+           "wall_s": round(time.monotonic() - start, 2), "peak_mb": round(used.ru_maxrss / 1024, 1), "programs": made_by}
     tmp = f"{a.log}.{os.getpid()}.tmp"
     with open(tmp, "w") as out:
         json.dump(log, out, indent=1)

@@ -4,10 +4,14 @@ import os
 import pathlib
 import struct
 import subprocess
+import sys
 import zlib
 
 import numpy as np
 import OpenEXR
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "scenes"))
+from rgbe import values as value_of  # noqa: E402,F401
 
 BUILD = pathlib.Path(os.environ.get("ILF_BUILD", "build")).resolve()
 IMGTOOL = BUILD / "test" / "imgtool"
@@ -87,12 +91,6 @@ def rgbe_of(rgb):
     out = np.concatenate([codes, (e + 128)[..., None].astype(np.uint8)], axis=-1)
     out[top <= 1e-32] = 0
     return out
-
-
-def value_of(rgbe):
-    """What a code means: (c + 1/2)·2^(e - 136)."""
-    e = rgbe[..., 3:].astype(int)
-    return np.where(e > 0, np.ldexp(rgbe[..., :3] + 0.5, e - 136), 0.0)
 
 
 def line_new(codes):

@@ -1,4 +1,4 @@
-"""What else turns a fisheye picture into the contract's probe: OpenCV's remap, hugin's nona, ffmpeg's v360.
+"""What else turns a fisheye picture into a probe (docs/FORMAT.md, section 1.2): OpenCV's remap, hugin's nona, ffmpeg's v360.
 
 A peer is called with (folder, picture, w, h, polar_max in degrees) and gives the probe's pixels and CPU milliseconds,
 of one thread: to apply (tables and start-up apart) and in all.  Pictures: 1024 x 1024 equidistant, 185 degrees.

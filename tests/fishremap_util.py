@@ -1,7 +1,7 @@
 """Analytic scenes for the remap: exact pictures of them by numpy, independent of the programs under test.
 
 Directions are (u, v, n) in the plane frame.  A camera that looks along n with v up has u to the left of its
-picture; a mirror sphere seen from above has it to the right (contract, section 1).
+picture; a mirror sphere seen from above has it to the right (docs/FORMAT.md, section 1.4).
 """
 import numpy as np
 import OpenEXR
@@ -109,7 +109,7 @@ def ball_angle(r):
 
 
 def probe(scene, w, h, polar_max_deg, samples):
-    """Exact solid-angle means over the texels of the contract's probe, by samples^2 points a texel."""
+    """Exact solid-angle means over the texels of a probe (docs/FORMAT.md, section 1.2), by samples^2 points a texel."""
     total, weight = 0, 0
     for i in range(samples):
         for j in range(samples):

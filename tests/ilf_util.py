@@ -1,4 +1,4 @@
-"""An incident light field in numpy, written from the contract (sections 1 and 2) alone.
+"""An incident light field in numpy, written from docs/FORMAT.md (sections 1 and 2) alone.
 
 It shares nothing with libilf, so that each can find the other's mistakes.  All arithmetic is
 float64; the values of a file are taken as they are stored (half or float32).

@@ -3,10 +3,15 @@
 Each shape gives rad(modifier, name) and hit(o, d) -> t (inf: missed), d of any length.  A Scene is
 evaluated with ilf_util's oracle; it knows surfaces that carry an `ilf` and nothing else.
 """
+import sys
+
 import numpy as np
 
-from conftest import run
+from conftest import TOP, run
 from ilf_util import ILF, assert_same, directional_ilf, f32, random_directions, random_ilf, unit, write_ilf
+
+sys.path.insert(0, str(TOP / "scenes"))
+import rgbe  # noqa: E402
 
 EPS = 1e-6      # Radiance ignores hits nearer than FTINY
 INF = np.inf
@@ -251,12 +256,8 @@ def rtrace(folder, octree, o, d, *options, code=0, literal=True):
 
 
 def read_picture(folder, name):
-    """(height, width, 3) of a Radiance picture through pvalue."""
-    r = run("pvalue", "-h", "-df", name, cwd=folder)
-    head, data = r.out.split(b"\n", 1)
-    y, h, x, w = head.split()
-    assert (y, x) == (b"-Y", b"+X")
-    return np.frombuffer(data, "<f4").reshape(int(h), int(w), 3).astype(float)
+    """(height, width, 3) of a Radiance picture, whatever its exposure."""
+    return rgbe.values(rgbe.read(folder / name)[0])
 
 
 # ---- scenes of the tests ---------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """`make bench-fishremap`: fishremap beside OpenCV's remap, hugin's nona and ffmpeg's v360 on the same pictures: error, energy, CPU time.
 
-Source: 1024 x 1024 equidistant fisheye of 185 degrees, area-sampled; target: the contract's probe.  Errors are
+Source: 1024 x 1024 equidistant fisheye of 185 degrees, area-sampled; target: a probe (docs/FORMAT.md, section 1.2).  Errors are
 relative RMSE to exact solid-angle means.  CPU is one thread.  "apply": for OpenCV its remap with tables prebuilt, for
 fishremap the same (slopes and weights' use, weights prebuilt), for v360 a further frame, for nona what grows with the number of rows.
 A peer has the same array before it nine times, fishremap nine pictures that were

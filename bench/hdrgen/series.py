@@ -4,10 +4,15 @@ The camera: electrons n = e + N(0, e + read^2) with e = radiance * t * full (cli
 before), code = round(max * f(n / full)).
 """
 import struct
+import sys
 import zlib
+from pathlib import Path
 
 import numpy as np
 import OpenEXR
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scenes"))
+import rgbe  # noqa: E402
 
 FULL, READ = 20000.0, 8.0
 
@@ -126,33 +131,10 @@ def radiance(path):
     return np.stack([ch[c] for c in ("RGB" if "R" in ch else "Y")], -1).astype(np.float64)
 
 
-def read_rgbe(path):
-    """Radiance .hdr with new run lengths or flat pixels, in -Y +X order; tolerant of the header's order."""
-    data = path.read_bytes() if hasattr(path, "read_bytes") else path
-    end = data.index(b"\n-Y ") + 1
-    stop = data.index(b"\n", end)
-    words = data[end:stop].split()
-    h, w = int(words[1]), int(words[3])
-    a, p = np.frombuffer(data, np.uint8), stop + 1
-    out = np.zeros((h, w, 4), np.uint8)
-    for y in range(h):
-        if not (8 <= w < 32768 and a[p] == 2 and a[p + 1] == 2 and a[p + 2] < 128):
-            out[y] = a[p:p + 4 * w].reshape(w, 4)
-            p += 4 * w
-            continue
-        p += 4
-        for c in range(4):
-            x = 0
-            while x < w:
-                n = int(a[p])
-                if n > 128:
-                    out[y, x:x + n - 128, c] = a[p + 1]
-                    p, x = p + 2, x + n - 128
-                else:
-                    out[y, x:x + n, c] = a[p + 1:p + 1 + n]
-                    p, x = p + 1 + n, x + n
-    e = out[..., 3:].astype(int)
-    return np.where(e > 0, (out[..., :3] + 0.5) * 2.0 ** (e - 136.0), 0), data[:end].decode("latin-1")
+def read_rgbe(picture):
+    """Radiance's .hdr by its path or its bytes: values, whatever the exposure, and the header."""
+    codes, header = rgbe.decode(picture, "bytes") if isinstance(picture, bytes) else rgbe.read(picture)
+    return rgbe.values(codes), header
 
 
 def read_response(path):

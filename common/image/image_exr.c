@@ -23,6 +23,7 @@
 #include <string.h>
 
 #include "base/remark.h"
+#include "exr/exr_bytes.h"
 #include "image_exr.h"
 
 /* A display window of more pixels than EMPTY_PIXELS may be at most EMPTY_TIMES the data window: it costs
@@ -43,7 +44,7 @@ typedef struct exr_state {
 
 static int exr_sniff(const unsigned char *head, size_t n)
 {
-    return n >= 4 && head[0] == 0x76 && head[1] == 0x2f && head[2] == 0x31 && head[3] == 0x01;
+    return exr_is_magic(head, n);
 }
 
 static int exr_bad(const img_reader *r, errmsg *e, const char *why)

@@ -1,10 +1,11 @@
 /*
  * image_exr.h - what the parts of OpenEXR input and output share.
  *
- *   image_exr_check.c    is a header what its own sizes say, and does the file have bytes for what it
- * promises? image_exr_file.cpp   OpenEXR's C++ library behind a C interface: headers as plain structs, rows
- * as floats image_exr_choose.c   which part, layer and view is the picture image_exr.c          windows,
- * alpha, colours: the codec image_exr_write.c    output (image_exr_write_dwa.c for DWA)
+ *   image_exr_check.c    is a header what its own sizes say, has the file the bytes that it promises?
+ *   image_exr_file.cpp   OpenEXR's C++ library behind a C interface: headers as plain structs, rows as floats
+ *   image_exr_choose.c   which part, layer and view is the picture
+ *   image_exr.c          windows, alpha, colours: the codec
+ *   image_exr_write.c    output (image_exr_write_dwa.c for DWA)
  */
 #ifndef IMAGE_EXR_H
 #define IMAGE_EXR_H

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "exr/exr_compression.h"
 #include "exr/exr_whole.h"
 #include "image_exr.h"
 
@@ -37,17 +38,15 @@ static int failed(const char *path, errmsg *e, exr_result_t rc, const char *what
 
 static int compression(const char *path, const char *name, exr_compression_t *out, errmsg *e)
 {
-    static const struct {
-        const char *name;
-        exr_compression_t code;
-    } known[] = {{"none", EXR_COMPRESSION_NONE}, {"rle", EXR_COMPRESSION_RLE},
-                 {"zips", EXR_COMPRESSION_ZIPS}, {"zip", EXR_COMPRESSION_ZIP},
-                 {"piz", EXR_COMPRESSION_PIZ},   {"dwaa", EXR_COMPRESSION_DWAA}};
-    for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
-        if (strcmp(name ? name : "zip", known[i].name) == 0) {
-            *out = known[i].code;
-            return 0;
-        }
+    const int number = exr_compression_number(name ? name : "zip");
+    switch (number) {
+    case EXR_COMPRESSION_NONE:
+    case EXR_COMPRESSION_RLE:
+    case EXR_COMPRESSION_ZIPS:
+    case EXR_COMPRESSION_ZIP:
+    case EXR_COMPRESSION_PIZ:
+    case EXR_COMPRESSION_DWAA: *out = (exr_compression_t)number; return 0;
+    default: break;
     }
     return err_set(e, "%s: expected compression none, rle, zips, zip, piz or dwaa, found '%s'", path, name);
 }

@@ -2,8 +2,7 @@
  * image_foreign.c - pictures that we don't read but know by their first bytes, and what converts them.
  *
  * ISO base media files (HEIF, AVIF) say "ftyp" and a brand at byte 4 (ISO/IEC 14496-12, 23008-12); WebP is
- * RIFF; JPEG XL is a bare
- * codestream (FF 0A) or a container (ISO/IEC 18181-2).
+ * RIFF; JPEG XL is a bare codestream (FF 0A) or a container (ISO/IEC 18181-2).
  */
 #include <string.h>
 

@@ -11,13 +11,13 @@
  * Whatever LibRaw would adapt to the picture's content (brightness, maximum, white balance from
  * the picture) is off, so that the pictures of an exposure series stay proportional to each other.
  */
-#include <libraw/libraw.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/remark.h"
 #include "image_internal.h"
+#include "rawfile.h"
 
 static const int64_t file_max = (int64_t)1 << 30;
 
@@ -101,35 +101,6 @@ static int raw_bad(const img_reader *r, errmsg *e, int rc)
     return img_bad(r, e, "broken or unknown camera raw file: %s", libraw_strerror(rc));
 }
 
-/* LibRaw goes on with made-up pixels where data is missing or broken; we note it and refuse.  The
- * offset's type differs between versions. */
-static void on_data_error(void *data, const char *file, const int offset)
-{
-    (void)file;
-    (void)offset;
-    ((raw_state *)data)->broken = 1;
-}
-
-static void on_data_error_64(void *data, const char *file, const INT64 offset)
-{
-    (void)file;
-    (void)offset;
-    ((raw_state *)data)->broken = 1;
-}
-
-static double fact(float v)
-{
-    return isfinite(v) && v > 0 ? (double)v : 0;
-}
-
-/* LibRaw's turn (dcraw's bits 4 transpose, 2 bottom up, 1 right to left; or degrees) in EXIF's numbers. */
-static int orientation_of(int flip)
-{
-    static const int exif[8] = {1, 2, 4, 3, 5, 8, 6, 7};
-    int degrees = (flip + 3600) % 360;
-    return degrees == 270 ? 8 : degrees == 180 ? 3 : degrees == 90 ? 6 : exif[flip & 7];
-}
-
 static int raw_open(img_reader *r, errmsg *e)
 {
     raw_state *s = r->state = calloc(1, sizeof *s);
@@ -137,16 +108,10 @@ static int raw_open(img_reader *r, errmsg *e)
     if (r->bytes > file_max) return img_bad(r, e, "expected a camera raw file of at most 1 GB");
     size_t size = (size_t)r->bytes;
     s->file = malloc(size);
-    s->raw = libraw_init(0);
+    s->raw = rawfile_new(&s->broken);
     if (!s->file || !s->raw) return img_bad(r, e, "out of memory");
     if (fread(s->file, 1, size, r->f) != size) return img_bad(r, e, "can't read");
-    libraw_set_dataerror_handler(s->raw,
-                                 _Generic((data_callback)0,
-                                     void (*)(void *, const char *, const int): on_data_error,
-                                     default: on_data_error_64),
-                                 s);
     libraw_output_params_t *p = &s->raw->params;
-    p->use_camera_wb = 1;
     p->use_auto_wb = 0;
     p->output_color = 0; /* balanced sensor values */
     p->gamm[0] = p->gamm[1] = 1;
@@ -155,18 +120,15 @@ static int raw_open(img_reader *r, errmsg *e)
     p->adjust_maximum_thr = 0;
     p->highlight = 1; /* don't clip */
     int rc = libraw_open_buffer(s->raw, s->file, size);
-    const libraw_colordata_t *c =
-        &s->raw->color; /* of linear DNGs black is taken off white, but not off the values: undone */
-    if (s->raw->idata.dng_version && c->black && c->dng_levels.dng_whitelevel[0] == c->maximum + c->black)
-        p->user_sat = (int)c->maximum; /* black is off this one */
-    r->info.orientation = orientation_of(s->raw->sizes.flip);
+    if (rawfile_white_lacks_black(s->raw, 0)) p->user_sat = (int)s->raw->color.maximum; /* it is taken off */
+    r->info.orientation = rawfile_orientation(s->raw);
     p->user_flip = r->opts.keep_orientation ? 0 : -1; /* the library turns what it holds anyway */
     r->turned = 1;
     if (rc == LIBRAW_SUCCESS) rc = libraw_adjust_sizes_info_only(s->raw);
     if (rc != LIBRAW_SUCCESS) return raw_bad(r, e, rc);
-    r->info.exposure_s = fact(s->raw->other.shutter);
-    r->info.f_number = fact(s->raw->other.aperture);
-    r->info.iso = fact(s->raw->other.iso_speed);
+    r->info.exposure_s = rawfile_stated(s->raw->other.shutter);
+    r->info.f_number = rawfile_stated(s->raw->other.aperture);
+    r->info.iso = rawfile_stated(s->raw->other.iso_speed);
     return img_set_info(r, s->raw->sizes.iwidth, s->raw->sizes.iheight, 3, 0, e);
 }
 
@@ -185,18 +147,13 @@ static int colours(img_reader *r, raw_state *s, errmsg *e)
 {
     const libraw_colordata_t *c = &s->raw->color;
     double least = 1;
-    int has_matrix = s->image->colors == 3 && !s->raw->rawdata.ioparams.raw_color;
+    const int has_matrix = rawfile_matrix(s->matrix, s->raw, s->image->colors == 3);
     for (int i = 0; i < 3 && s->image->colors == 3; i++) least = fmin(least, (double)c->pre_mul[i]);
     if (!(least > 1e-5)) return img_bad(r, e, "expected white balance multipliers above 0, found %g", least);
     for (int i = 0; i < 3; i++) {
-        double sum = 0;
         s->scale[i] = 1 / (65535 * least);
         s->white[i] = s->image->colors == 3 ? (double)c->pre_mul[i] / least : 1;
-        for (int k = 0; k < 3; k++) sum += (double)c->rgb_cam[i][k];
-        has_matrix &= isfinite(sum) && fabs(sum - 1) < 0.01;
-        for (int k = 0; k < 3; k++) s->matrix[i][k] = (double)c->rgb_cam[i][k] / sum;
     }
-    for (int i = 0; i < 9 && !has_matrix; i++) s->matrix[i / 3][i % 3] = i % 4 == 0;
     if (s->image->colors == 3)
         remark(r->path, "camera raw developed by itself: %s%s",
                c->cam_mul[0] > 0 && c->cam_mul[2] > 0 ? "white balance as this picture was shot"

@@ -1,6 +1,7 @@
 /*
  * tree.h - what a YAML, JSON or XML file says, as paths with numbers or words: cv::FileStorage behind a C
- * interface.
+ * interface.  It reads JSON, too, though elsewhere Jansson does: what older OpenCVs write as JSON is none
+ * ("1." for a number, .Nan), and they are whom these files come from.
  *
  * "a: {b: [1, 2]}" has the path "a.b" with two numbers.  A list of lists of numbers is one list, row by row;
  * other lists have their items' numbers in the path ("a.0.b").  OpenCV's matrices are maps with rows, cols

@@ -14,7 +14,7 @@
 
 static void put(unsigned char *texel, ImfHalf h, const ilf *f)
 {
-    const float v = ilf_half_to_float_all(h);
+    const float v = half_to_float_any(h);
 
     if (f->is_half) memcpy(texel, &h, sizeof h);
     else memcpy(texel, &v, sizeof v);

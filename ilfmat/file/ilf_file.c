@@ -1,13 +1,9 @@
 /*
- * ilf_file.c - open and validate an incident light field file, version 1.
- *
- * The format: one tiled, ONE_LEVEL OpenEXR part with channels R, G, B; one tile is one probe; tile
- * (i, j) is grid node (i, j).  Header attributes ilf:version (int), ilf:origin, ilf:U, ilf:V (v3f),
- * ilf:polarMax (float), optionally ilf:polarValid (float).  Further parts: ilf_layout.c.
+ * ilf_file.c - open and validate an incident light field file (docs/FORMAT.md, sections 1 and 4).
  *
  * Only the header and the table of tile offsets are read.  The table is checked against the
  * file's length, so that a truncated file is refused at once and not in the middle of a
- * picture.
+ * picture.  Further parts: ilf_layout.c.
  */
 #include <errno.h>
 #include <fcntl.h>
@@ -16,7 +12,9 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "exr/exr_bytes.h"
 #include "exr/exr_compression.h"
+#include "exr/exr_tiles.h"
 #include "ilf_internal.h"
 
 /* ---- OpenEXR's view of the file ----------------------------------------------------------- */
@@ -156,12 +154,12 @@ static ilf_status read_layout(ilf *f, ilf_error *err)
             tw, th, (long long)w, (long long)h);
     f->info.n_theta = (int)tw, f->info.n_phi = (int)th;
     f->info.n_u = (int)(w / tw), f->info.n_v = (int)(h / th);
-    if (exr_get_compression(f->exr, 0, &compression) != EXR_ERR_SUCCESS || (int)compression < 0 ||
-        (int)compression >= EXR_COMPRESSIONS)
+    if (exr_get_compression(f->exr, 0, &compression) != EXR_ERR_SUCCESS ||
+        !exr_compression_name((int)compression))
         return ilf_fail(err, ILF_ERR_FORMAT,
                         "%s: compression: expected one that OpenEXR knows, found number %d", f->path,
                         (int)compression);
-    f->info.compression = exr_compression_words[compression].name;
+    f->info.compression = exr_compression_name((int)compression);
     f->is_dwa = compression == EXR_COMPRESSION_DWAA || compression == EXR_COMPRESSION_DWAB;
     return ILF_OK;
 }
@@ -215,96 +213,35 @@ static ilf_status read_channels(ilf *f, ilf_error *err)
 
 /* ---- table of tiles ----------------------------------------------------------------------- */
 
-static uint64_t little_endian(const unsigned char *p, int n)
-{
-    uint64_t v = 0;
-
-    for (int k = n - 1; k >= 0; k--) v = v << 8 | p[k];
-    return v;
-}
-
-static int read_whole(const ilf *f, void *to, size_t size, uint64_t offset)
-{
-    size_t done = 0;
-
-    while (done < size) {
-        const ssize_t n = pread(f->fd, (char *)to + done, size - done, (off_t)(offset + done));
-        if (n < 0 && errno == EINTR) continue;
-        if (n <= 0) return -1;
-        done += (size_t)n;
-    }
-    return 0;
-}
-
-/* The table follows the header(s): attributes of name\0 type\0 size data, closed by an empty name, and, in
- * a file of several parts, one header after the other closed by an empty one.  0 if it isn't found. */
-static uint64_t table_offset(const ilf *f, int parts)
-{
-    const uint64_t end = (uint64_t)f->info.file_bytes;
-    uint64_t at = 8; /* magic number, version */
-    int headers = 0;
-
-    while (at < end) {
-        unsigned char head[2 * 256 + 4]; /* names have at most 255 characters */
-        const size_t have = end - at < sizeof head ? (size_t)(end - at) : sizeof head;
-
-        if (read_whole(f, head, have, at) != 0) return 0;
-        if (head[0] == 0) {
-            at++;
-            if (++headers == parts) return parts > 1 ? at + 1 : at;
-            continue;
-        }
-        const unsigned char *type = memchr(head, 0, have), *size = NULL;
-        if (type) size = memchr(type + 1, 0, have - (size_t)(type + 1 - head));
-        if (!size || (size_t)(size + 1 - head) + 4 > have) return 0;
-        at += (uint64_t)(size + 1 - head) + 4 + little_endian(size + 1, 4);
-    }
-    return 0;
-}
-
 /* Every tile must begin inside the file and the one that begins last must end there too. */
 static ilf_status check_tiles(const ilf *f, ilf_error *err)
 {
     const int64_t n = (int64_t)f->info.n_u * f->info.n_v;
-    const uint64_t end = (uint64_t)f->info.file_bytes;
-    uint64_t last = 0;
-    int parts = 1;
+    int64_t k = 0;
+    const exr_tiles state = exr_tiles_check(&k, f->fd, (uint64_t)f->info.file_bytes, n);
 
-    if (exr_get_count(f->exr, &parts) != EXR_ERR_SUCCESS) parts = 1;
-    const uint64_t table = table_offset(f, parts);
-    if (table == 0 || table > end || (uint64_t)n > (end - table) / 8)
+    switch (state) {
+    case EXR_TILES_SOUND: break;
+    case EXR_TILES_NO_TABLE:
         return ilf_fail(err, ILF_ERR_FORMAT,
                         "%s: tiles: expected a table of %lld tiles, found the end of the file", f->path,
                         (long long)n);
-    unsigned char *t = malloc((size_t)n * 8);
-    if (!t)
+    case EXR_TILES_NO_MEMORY:
         return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for a table of %lld tiles", f->path,
                         (long long)n);
-    if (read_whole(f, t, (size_t)n * 8, table) != 0) {
-        free(t);
+    case EXR_TILES_UNREADABLE:
         return ilf_fail(err, ILF_ERR_IO, "%s: tiles: the table can't be read", f->path);
-    }
-    for (int64_t k = 0; k < n; k++) {
-        const uint64_t at = little_endian(t + 8 * k, 8);
-
-        if (at < table + (uint64_t)n * 8 || at >= end) {
-            free(t);
-            return ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%lld,%lld): expected %s, found %s", f->path,
-                            (long long)(k % f->info.n_u), (long long)(k / f->info.n_u),
-                            "a tile inside the file",
-                            at == 0 ? "none (unfinished file)" : "one outside (truncated file)");
-        }
-        if (at > last) last = at;
-    }
-    free(t);
-    /* a tile: [part number,] x, y, level x, level y, size, then the data */
-    const uint64_t head = parts > 1 ? 24 : 20;
-    unsigned char size[4];
-    if (end - last < head || read_whole(f, size, 4, last + head - 4) != 0 ||
-        little_endian(size, 4) > end - last - head)
+    case EXR_TILES_UNFINISHED:
+    case EXR_TILES_OUTSIDE:
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: probe (%lld,%lld): expected %s, found %s", f->path,
+                        (long long)(k % f->info.n_u), (long long)(k / f->info.n_u), "a tile inside the file",
+                        state == EXR_TILES_UNFINISHED ? "none (unfinished file)"
+                                                      : "one outside (truncated file)");
+    case EXR_TILES_CUT:
         return ilf_fail(err, ILF_ERR_FORMAT,
                         "%s: tiles: expected the last tile to end inside the file, found it truncated",
                         f->path);
+    }
     return ILF_OK;
 }
 
@@ -329,7 +266,6 @@ void ilf_close(ilf *f)
 
 static ilf_status open_file(ilf *f, ilf_error *err)
 {
-    static const unsigned char magic[4] = {0x76, 0x2f, 0x31, 0x01};
     unsigned char found[4];
 
     f->fd = open(f->path, O_RDONLY | O_CLOEXEC | O_NOCTTY | O_NONBLOCK);
@@ -338,7 +274,7 @@ static ilf_status open_file(ilf *f, ilf_error *err)
     if (!S_ISREG(f->st.st_mode))
         return ilf_fail(err, ILF_ERR_IO, "%s: expected an OpenEXR file, found no regular file", f->path);
     f->info.file_bytes = f->st.st_size;
-    if (read_whole(f, found, 4, 0) != 0 || memcmp(found, magic, 4) != 0)
+    if (exr_bytes_at(f->fd, found, 4, 0) != 0 || !exr_is_magic(found, 4))
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: expected an OpenEXR file, found something else", f->path);
     char words[128];
     if (exr_foreign_compression(words, sizeof words,

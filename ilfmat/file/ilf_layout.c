@@ -1,14 +1,10 @@
 /*
  * ilf_layout.c - in which order texels lie in memory, and the part of a file that holds them interleaved.
  *
- * The first part of a file is what the format says: for each row of a tile all B, then all G, then all R.
+ * The first part of a file is what OpenEXR makes of it: for each row of a tile all B, then all G, then all R.
  * Used in place, a lookup then needs 24 short stretches of it, each from another cache line.  A second part
- * may hold the same numbers once more for use in place, a texel's R G B side by side:
- *
- *     name "interleaved", attribute ilf:interleaved (int) = 1, tiled, ONE_LEVEL, not compressed
- *     one channel RGB, HALF or FLOAT as the first part's
- *     tile (i, j) is probe (i, j), (3 n_theta) x n_phi;  texel (x, y), channel c stands in column 3x + c, row
- * y
+ * may hold the same numbers once more for use in place, a texel's R G B side by side (docs/FORMAT.md, section
+ * 1.5, says how).
  *
  * It is derived data: a reader may ignore it, and the first part counts.  So a part that looks otherwise is
  * not used, and each of its tiles is compared with the first part's when it is first needed.  (A digest in
@@ -17,7 +13,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include "exr/exr_header.h"
+#include "exr/exr_bytes.h"
 #include "ilf_internal.h"
 
 static int is_interleaved(const ilf *f, int part)
@@ -119,7 +115,7 @@ static int copy_row(unsigned char *row, const unsigned char *planar, const ilf *
             for (size_t x = 0; x < n; x++) {
                 uint16_t h;
                 memcpy(&h, p + 2 * x, 2);
-                const float v = ilf_half_to_float_all(h);
+                const float v = half_to_float_any(h);
                 memcpy(q + 3 * x * size, &v, size);
             }
     }

@@ -1,12 +1,15 @@
 /*
- * ilf_write.c - write an incident light field file, version 1 (format: ilf_file.c).
+ * ilf_write.c - write an incident light field file, version 1 (docs/FORMAT.md, section 1).
  */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdlib.h>
 #include <unistd.h>
 
+#include "exr/exr_bytes.h"
 #include "exr/exr_compression.h"
+#include "exr/exr_half.h"
+#include "exr/exr_tiles.h"
 #include "exr/exr_whole.h"
 #include "ilf_internal.h"
 
@@ -39,31 +42,13 @@ static ilf_status failed(const ilf_writer *w, exr_result_t r, ilf_error *err)
                     w->words.text[0] ? w->words.text : exr_get_default_error_message(r));
 }
 
-/* binary32 -> binary16, round to nearest even; |v| <= 65504 (checked by the caller). */
-static uint16_t to_half(float v)
-{
-    union {
-        float f;
-        uint32_t u;
-    } x = {.f = v};
-    const uint16_t sign = (uint16_t)(x.u >> 16 & 0x8000u);
-
-    x.u &= 0x7fffffffu;
-    if (x.u < 0x38800000u) { /* below 2^-14: a denormal half is a multiple of 2^-24 */
-        x.f = rintf(x.f * 0x1p24f);
-        return (uint16_t)(sign | (uint16_t)x.f);
-    }
-    const uint32_t rounded = x.u + 0x0fffu + (x.u >> 13 & 1u);
-    return (uint16_t)(sign | ((rounded - 0x38000000u) >> 13));
-}
-
 static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compression_t *compression,
                              ilf_error *err)
 {
     ilf_frame frame;
     const int sides[4] = {s->n_u, s->n_v, s->n_theta, s->n_phi};
     const char *name = s->compression ? s->compression : "none"; /* of the compression */
-    int k = 0;
+    const int k = exr_compression_number(name);
 
     for (int c = 0; c < 4; c++)
         if (sides[c] < 1 || sides[c] > ILF_MAX_SIDE)
@@ -73,8 +58,7 @@ static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compressio
     if (w > INT32_MAX / 2 || h > INT32_MAX / 2 || (int64_t)s->n_theta * s->n_phi > ILF_MAX_PROBE_BYTES / 12)
         return ilf_fail(err, ILF_ERR_ARG, "%s: %dx%d probes of %dx%d texels are more than a file can hold",
                         path, s->n_u, s->n_v, s->n_theta, s->n_phi);
-    while (k < EXR_COMPRESSIONS && strcmp(exr_compression_words[k].name, name) != 0) k++;
-    if (k == EXR_COMPRESSIONS)
+    if (k < 0)
         return ilf_fail(err, ILF_ERR_ARG,
                         "%s: compression: expected none, rle, zips, zip, piz, pxr24, b44 or b44a, "
                         "found %s",
@@ -210,7 +194,7 @@ static ilf_status take_texels(ilf_writer *w, const float *rgb, int i, int j, ilf
                                 "%s: probe (%d,%d), pixel (%zu,%zu): expected a value that a half holds "
                                 "(65504), found %g",
                                 w->path, i, j, x, y, (double)rgb[k]);
-            w->half[k] = to_half(rgb[k]);
+            w->half[k] = half_from_float(rgb[k]);
         }
     }
     return ILF_OK;
@@ -268,7 +252,7 @@ static void together(unsigned char *to, const unsigned char *from, size_t n_thet
 static ilf_status copy_tiles(ilf_writer *w, int fd, unsigned char *tile, unsigned char *out, ilf_error *err)
 {
     const size_t n_theta = (size_t)w->spec.n_theta, n_phi = (size_t)w->spec.n_phi, size = w->half ? 2 : 4;
-    const uint64_t bytes = 3 * n_theta * n_phi * size, head = 24; /* part, x, y, level x, level y, size */
+    const uint64_t bytes = 3 * n_theta * n_phi * size, head = EXR_TILE_HEAD_SEVERAL;
     const int64_t n = (int64_t)w->spec.n_u * w->spec.n_v;
     struct stat st;
 
@@ -276,10 +260,10 @@ static ilf_status copy_tiles(ilf_writer *w, int fd, unsigned char *tile, unsigne
     const uint64_t end = (uint64_t)st.st_size, all = (uint64_t)n * (head + bytes);
     for (int64_t k = 0; k < n; k++) {
         const uint32_t i = (uint32_t)(k % w->spec.n_u), j = (uint32_t)(k / w->spec.n_u);
-        if (end < all ||
-            exr_bytes_at(fd, tile, head + bytes, end - all + (uint64_t)k * (head + bytes)) != 0 ||
-            exr_u32(tile) != 0 || exr_u32(tile + 4) != i || exr_u32(tile + 8) != j ||
-            exr_u32(tile + 20) != bytes)
+        const int there =
+            end >= all && exr_bytes_at(fd, tile, head + bytes, end - all + (uint64_t)k * (head + bytes)) == 0;
+        const exr_tile t = there ? exr_tile_head(tile, 1) : (exr_tile){0};
+        if (!there || t.part != 0 || t.x != i || t.y != j || t.size != bytes)
             return ilf_fail(err, ILF_ERR_IO,
                             "%s: probe (%u,%u): expected to read what was written, found something else",
                             w->path, i, j);
@@ -293,7 +277,7 @@ static ilf_status copy_tiles(ilf_writer *w, int fd, unsigned char *tile, unsigne
 static ilf_status write_interleaved(ilf_writer *w, ilf_error *err)
 {
     const size_t bytes = (size_t)w->spec.n_theta * (size_t)w->spec.n_phi * 12;
-    unsigned char *tile = malloc(24 + bytes), *out = malloc(bytes);
+    unsigned char *tile = malloc(EXR_TILE_HEAD_SEVERAL + bytes), *out = malloc(bytes);
     const int fd = tile && out ? open(w->file, O_RDONLY | O_CLOEXEC) : -1;
     ilf_status st;
 

@@ -1,5 +1,5 @@
 /*
- * ilf_angle.h - arc tangent for lookups: 1e-12 rad is a millionth of a texel's hundredth, in a third of the
+ * ilf_angle.h - arc tangent for lookups, good to 1e-12 rad (texels are some 1e-2 rad wide), in a third of the
  * C library's time.
  */
 #ifndef ILF_ANGLE_H

@@ -33,7 +33,7 @@ static float row_bound(const ilf *f, const unsigned char *row)
             memcpy(&v, row + k, sizeof v);
             if (v > m) m = v;
         }
-        return ilf_half_to_float((uint16_t)m);
+        return half_to_float((uint16_t)m);
     }
     int32_t m = 0;
     for (size_t k = 0; k < f->row_bytes; k += 4) {

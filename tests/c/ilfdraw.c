@@ -1,10 +1,10 @@
 /*
  * ilfdraw.c - test driver: the sampler of libilf on its own.  Records of doubles in, records of doubles out.
  *
- *   ilfdraw sample FILE [options]   x y z u v w     ->  du dv dn pdf distance expected    (pdf -1: no slice
- * there) ilfdraw pdf FILE [options]      x y z du dv dn  ->  pdf                            (-1: no slice
- * there) ilfdraw lamps FILE [options]    x y z radius    ->  n, then MOST times x y z radius excess ilfdraw
- * info FILE [options]                     ->  one line: threshold patches
+ *   ilfdraw sample FILE [options]   x y z u v w     ->  du dv dn pdf distance expected  (pdf -1: no slice)
+ *   ilfdraw pdf FILE [options]      x y z du dv dn  ->  pdf                             (-1: no slice there)
+ *   ilfdraw lamps FILE [options]    x y z radius    ->  n, then MOST times x y z radius excess
+ *   ilfdraw info FILE [options]                     ->  one line: threshold patches
  *
  * Points are the file's own coordinates, directions the plane's (u, v, n).  The auxiliary geometry is at
  * infinity, or a box or sphere seen from inside, perhaps with a ball in it, with or without the depth

@@ -3,13 +3,15 @@
  * radiance.
  *
  *   ilfstorm rays FILE SEED N SCALE             N rays as ilftrace takes them, of the scene scaled about the
- * world's origin ilfstorm plane FILE SCALE                   the scaled plane as ilftrace --plane takes it
+ *                                               world's origin
+ *   ilfstorm plane FILE SCALE                   the scaled plane as ilftrace --plane takes it
  *   ilfstorm check FILE SEED N MODE < radiance  what ilftrace answered: finite, not negative, not above the
- * brightest texel, and continuous; prints counts and the worst ilfstorm lib FILE SEED N the same straight
- * through libilf, in both modes, and at scales 1e-6 to 1e6
+ *                                               brightest texel, and continuous; prints counts and the worst
+ *   ilfstorm lib FILE SEED N                    the same straight through libilf, in both modes, and at
+ *                                               scales 1e-6 to 1e6
  *
  * Rays come in pairs that differ by 1e-7 to 1e-12 of the plane's size.  How much their radiance may differ
- * follows from the file's texels and the lookup's definition (contract, section 2):
+ * follows from the file's texels and the lookup's definition (docs/FORMAT.md, section 2):
  *
  *   |dL| <= K dw + R (|ds| + |dt|),  K = (Gx n_theta/2pi) / sin(phi) + max(Gy, 2 Gm) n_phi/polarMax
  *

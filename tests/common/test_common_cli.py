@@ -1,4 +1,4 @@
-"""common/cli and common/outfile: the contract of every command line, and outputs that are whole or not there."""
+"""common/cli and common/outfile: what every command line promises, and outputs that are whole or not there."""
 import os
 import pathlib
 import resource

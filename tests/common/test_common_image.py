@@ -61,7 +61,7 @@ def test_hdr_xyze(tmp_path):
     xy = np.array([[0.640, 0.330], [0.290, 0.600], [0.150, 0.060]])
     p = np.stack([xy[:, 0] / xy[:, 1], np.ones(3), (1 - xy.sum(1)) / xy[:, 1]])
     to_xyz = p * np.linalg.solve(p, np.ones(3))
-    assert np.allclose(to_xyz[1], [0.265, 0.670, 0.065], atol=5e-4)  # the contract's luminance weights
+    assert np.allclose(to_xyz[1], [0.265, 0.670, 0.065], atol=5e-4)  # docs/FORMAT.md's luminance weights
     c = rgbe_of(radiance(decades=4))
     write_hdr(tmp_path / "a.hdr", c, fmt="xyze")
     want = np.einsum("ij,yxj->yxi", np.linalg.inv(to_xyz * 179), value_of(c))

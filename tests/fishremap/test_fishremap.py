@@ -35,7 +35,7 @@ def test_refusals(tmp_path, args, words):
     assert not (tmp_path / "o.exr").exists()
 
 
-# ---- frames (contract, section 1) -----------------------------------------------------------------
+# ---- frames (docs/FORMAT.md, section 1.4) -----------------------------------------------------------------
 
 @pytest.mark.parametrize("model", U.MODELS)
 @pytest.mark.parametrize("theta, phi", [(0, 30), (90, 50), (-140, 70), (35, 8)])
@@ -289,6 +289,35 @@ def test_falloff_files(tmp_path):
     for text in ("{", "{\"f1\": 3", "{\"f1\": {\"2\": 0.1}} {", "0 1 1\n", long, "0 1 1 1\n50 0 1 1\n", "polynomial rn 1 0 -2\n", "polynomial px 1\n", ""):
         (tmp_path / "bad").write_text(text)
         one_line_error(remap(tmp_path, image, *args, "--falloff", tmp_path / "bad", code=1), "fishremap", "expected")
+
+
+DEEP = '{"f4": ' + '{"a": ' * 5000 + "1" + "}" * 5000 + "}"
+
+
+@pytest.mark.parametrize("text, said", [
+    ('{\n "f4": {"2": 0.1},\n}', "line 3"), ('{"f4": {"2": NaN}}', "line 1"), ('{"f4": {"2": 1e999}}', "line 1"), ('{"f4": {"2": Infinity}}', "line 1"),
+    ('{"f4": {"2": 0.1}, "f4": {"2": 0.2}}', "f4"), ('{"f4": {"2": 0.1, "2": 0.2}}', "duplicate"), (DEEP, "depth"), ('{"x": ' + "[" * 3000, "depth"),
+    ('{"f4": {"2": {"4": 1}}}', "f4"), ('{"f4": {"2": "0.1"}}', "number for power 2"), ('{"f4": {"2": [0.1]}}', "number for power 2"),
+    ('{"f4": {"33": 0.1}}', "0..32"), ('{"f4": {"-1": 0.1}}', "0..32"), ('{"f4": {}}', "none"), ('{"lens": "x"}', "none"), ('{"f4": {"2": 0.1}} x', "line 1"),
+    ('{"f4": {"2": 0,1}}', "line 1"), ('{"f\xff": {"2": 0.1}}', "line 1"), ("{'f4': {'2': 0.1}}", "line 1")])
+def test_what_is_no_falloff_in_json_is_refused(tmp_path, text, said):
+    (tmp_path / "bad").write_bytes(text.encode("latin-1"))
+    p = run("fishremap", "--dry-run", "--lens", "equidistant", "--fov", 180, "--size", "8x8", "--falloff", tmp_path / "bad", "-o", tmp_path / "o.exr", "in.exr", code=1)
+    one_line_error(p, "fishremap", f"{tmp_path}/bad", said)
+
+
+@pytest.mark.parametrize("more", [{}, {"remark": [1, {"x": None}, True]}, {"about": "f2 \u00e9 \" {", "n": 3, "none": None}])
+def test_falloff_in_json_as_pythons_json_writes_it(tmp_path, more):
+    """Whatever the form, the order and the remarks, the same curve as polynomial text."""
+    image = np.ones((40, 40, 3), np.float32)
+    c = {"2": -0.1, "4": 0.02, "7": -1e-2, "0": 1, "note": "x"}
+    (tmp_path / "text").write_text("polynomial rn 1 0 -0.1 0 0.02 0 0 -0.01\n")
+    args = ("--lens", "equidistant", "--fov", 180, "--size", "16x16", "--falloff")
+    want = remap(tmp_path, image, *args, tmp_path / "text")
+    for sets in ({"f4": c, **more}, {**more, "f9": {"2": 5}, "f4": dict(reversed(c.items()))}):
+        for form in ({}, {"indent": 3}, {"ensure_ascii": False, "separators": (",", ":")}):
+            (tmp_path / "a.json").write_text(json.dumps(sets, **form))
+            assert np.array_equal(remap(tmp_path, image, *args, tmp_path / "a.json", "--falloff-set", "f4"), want)
 
 
 # ---- several pictures, two views of a ball, the camera's reflection ---------------------------------------

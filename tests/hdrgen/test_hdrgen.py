@@ -1,4 +1,4 @@
-"""hdrgen's contract: options, times, inputs, outputs, what is in the header, and what is refused."""
+"""hdrgen as its man page has it: options, times, inputs, outputs, what is in the header, and what is refused."""
 import os
 import re
 import shutil

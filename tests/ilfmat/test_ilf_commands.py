@@ -1,4 +1,4 @@
-"""The commands ilfpack, ilfinfo and ilftrace (contract, section 4), and what they read and keep in memory."""
+"""The commands ilfpack, ilfinfo and ilftrace, and what they read and keep in memory."""
 import os
 import re
 import subprocess
@@ -222,10 +222,10 @@ def test_ilfpack_failure_keeps_the_old_file(tmp_path):
     assert out.read_bytes() == b"old"
 
 
-# ---- the command contract --------------------------------------------------------------------------------
+# ---- what every command promises --------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_command_contract(tmp_path, program):
+def test_what_every_command_promises(tmp_path, program):
     r = run(program, "--help")
     assert program in r.text and "--quiet" in r.text and "--threads" in r.text and not r.err
     r = run(program, "--version")

@@ -1,4 +1,4 @@
-"""Evaluation of the light field (contract, section 2): the oracle against analytic answers, ilftrace against the oracle."""
+"""Evaluation of the light field (docs/FORMAT.md, section 2): the oracle against analytic answers, ilftrace against the oracle."""
 import io
 
 import numpy as np

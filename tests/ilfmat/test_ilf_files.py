@@ -1,4 +1,4 @@
-"""The file contract (section 1): each rule broken one at a time, and hostile bytes."""
+"""The file format (docs/FORMAT.md, sections 1 and 4): each rule broken one at a time, and hostile bytes."""
 import os
 import re
 import struct
@@ -106,7 +106,7 @@ def test_polar_max_of_float_pi_is_the_full_sphere(tmp_path, good):
 
 
 def test_polar_valid_beyond_polar_max_is_harmless(tmp_path, good):
-    """Section 2: min(polarValid, polarMax)."""
+    """docs/FORMAT.md, section 1.3: it means polarMax."""
     (tmp_path / "ok.ilf.exr").write_bytes(edited(good[1], "ilf:polarValid", value=flt(3)))
     run("ilfinfo", tmp_path / "ok.ilf.exr")
 

@@ -1,4 +1,4 @@
-"""Ambient files are bound to their light fields (contract, section 7): to -di 0 or not, to the values, to the place.
+"""Ambient files are bound to their light fields (ilf(7), AMBIENT FILES): to -di 0 or not, to the values, to the place.
 
 What is refused leaves the file as it was; what is not gives the same value as before.
 """

@@ -28,9 +28,9 @@ def readme_scene():
 
 
 def manual():
-    """Preformatted blocks of ilf(7), with troff's marks taken off."""
+    """Files and commands of ilf(7), with troff's marks taken off."""
     text = (TOP / "man" / "ilf.7").read_text().replace("\\-", "-").replace("\\e", "\\")
-    return re.findall(r"^\.nf\n(.*?)^\.fi$", text, re.S | re.M)
+    return re.findall(r"^\.(?:nf|EX)\n(.*?)^\.(?:fi|EE)$", text, re.S | re.M)
 
 
 def check(folder, scene, surfaces, rng, M=np.eye(4)):
@@ -87,6 +87,6 @@ def test_the_manuals_room_as_auxiliary_geometry(tmp_path):
     assert len(lines) == 3
     shell(tmp_path, lines[0])
     shell(tmp_path, lines[1])
-    shell(tmp_path, lines[2].replace("rpict", "rpict -w -x 16 -y 16").replace("-ad 256 -as 64", "-ad 16 -as 0"))
+    shell(tmp_path, lines[2].replace("rpict", "rpict -w -x 16 -y 16").replace("-ad 128 -as 32", "-ad 16 -as 0"))
     assert run("pvalue", "-h", "-H", "picture.hdr", cwd=tmp_path).text.strip()
     check(tmp_path, "surroundings.rad", [Surface(s, f) for s in [*walls, lamp]], np.random.default_rng(94))

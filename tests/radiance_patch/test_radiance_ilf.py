@@ -1,4 +1,4 @@
-"""The material ilf on surfaces (contract, section 3): rtrace against the numpy oracle, through xform and instances."""
+"""The material ilf on surfaces (docs/FORMAT.md, section 3): rtrace against the numpy oracle, through xform and instances."""
 import numpy as np
 import pytest
 

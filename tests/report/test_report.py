@@ -1,10 +1,12 @@
 """The report: measures against a second way of computing them, probes against analytic light, tables and page against stored rows."""
 import csv
+import hashlib
 import html.parser
 import math
 import os
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from ilf_util import ILF, write_ilf
 
 sys.path.insert(0, str(TOP))
 
-from report import budget, colordata, fields, measures, page, plots_of, probes, sweep_depth  # noqa: E402
+from report import budget, colordata, fields, measures, page, plots_of, probes, programs, sweep_depth  # noqa: E402
 from report import run as runner  # noqa: E402
 
 LUM = (0.265, 0.670, 0.065)
@@ -213,7 +215,8 @@ def test_neighbours_miss_by_the_parallax():
 
 def test_a_command_runs_once(monkeypatch, tmp_path):
     (tmp_path / "scenes").mkdir()
-    (tmp_path / "scenes" / "timed.py").write_text((TOP / "scenes" / "timed.py").read_text())
+    for name in ("timed.py", "builds.py"):
+        (tmp_path / "scenes" / name).write_text((TOP / "scenes" / name).read_text())
     monkeypatch.setattr(runner, "TOP", tmp_path)
     text = "echo x >> count.txt; cat build/report/in.txt"
     (tmp_path / "build/report").mkdir(parents=True)
@@ -234,6 +237,19 @@ def test_a_command_runs_once(monkeypatch, tmp_path):
     os.utime(given, (1, 1))
     runner.run(text + " ", "build/report/out.txt")     # another text
     assert times() == 3
+    # a program that the command names: another build is another result, the same bytes written again are not
+    text += "; painter >> count.txt"
+    painter = tmp_path / "build/bin/painter"
+    painter.parent.mkdir()
+
+    def painted(word):
+        painter.write_text(f"#!/bin/sh\necho {word}\n")
+        painter.chmod(0o755)
+        os.utime(painter, ns=(time.time_ns(),) * 2)
+        return runner.run(text, "build/report/out.txt")["programs"]
+    first, again, other = painted("a"), painted("a"), painted("b")
+    assert first == again == {"painter": hashlib.sha256(b"#!/bin/sh\necho a\n").hexdigest()[:12]} and other == runner.programs(text) != first
+    assert (tmp_path / "count.txt").read_text().split()[3:] == ["x", "a", "x", "b"]
     with pytest.raises(runner.ReportError, match="exit status"):
         runner.run("exit 3", "build/report/bad.txt")
     assert not (tmp_path / "build/report/bad.txt").exists()
@@ -248,7 +264,8 @@ def rows():
         out[section] = [{**base, "section": section, "figure": {"figures": "figure11", "size": "positions"}.get(section, section), "row": f"{section} <{k}>", "x": f"{k + 1}",
                          "y": f"{0.1 / (k + 1):.6g}", "measure": "RMSE & more", "error": f"{0.1234567 / (k + 1):.6g}", "ssim": f"{0.9 + k / 100:.6g}",
                          "reference": "truth", "reference_error": "0.001", "cpu_s": f"{1.5 * (k + 1):g}", "peak_mb": "12", "note": ["with_room", "with_single", "c"][k],
-                         "command": f"rpict -x {k} < a.oct > '{section}' && echo \"done\""} for k in range(n)]
+                         "command": f"rpict -x {k} < a.oct > '{section}' && echo \"done\"",
+                         "programs": f"pfilt {'0' * 12}, rpict {k:012x}"} for k in range(n)]
     return out
 
 
@@ -323,18 +340,36 @@ def test_csv_holds_the_page_numbers(monkeypatch, tmp_path):
     given = rows()
     given.pop("figures")
     for section, part in given.items():
-        runner.write_rows(section, [{k: v for k, v in r.items() if k != "section"} for r in part])
+        runner.write_rows(section, [{**{k: v for k, v in r.items() if k != "section"}, "programs": dict(w.split() for w in r["programs"].split(", "))} for r in part])
     page.main()
     folder = tmp_path / "build" / "report"
     with open(folder / "report.csv", newline="") as f:
         table = list(csv.DictReader(f))
     reader = Reader()
-    reader.feed((folder / "index.html").read_text())
+    text = (folder / "index.html").read_text()
+    reader.feed(text)
     assert len(table) == len(reader.rows) == sum(map(len, given.values()))
     for r, shown in zip(table, reader.rows):
         assert r["command"] == shown["command"] and r["row"] == shown["row"]
         assert all(r[k] == v for k, v in shown["cells"].items())
+        assert r["programs"] and f"by {r['programs']}<" in text
         assert 0 < float(r["error"]) < 1
+
+
+def test_programs_of_all_rows_are_counted(monkeypatch, tmp_path):
+    """By name and build; one that is not there any more, or is another by now, is said."""
+    monkeypatch.setattr(runner, "TOP", tmp_path)
+    monkeypatch.setattr(runner, "BUILD", "build")
+    (tmp_path / "build/bin").mkdir(parents=True)
+    (tmp_path / "build/bin/rpict").write_bytes(b"a program")
+    (tmp_path / "build/bin/rpict").chmod(0o755)
+    here = hashlib.sha256(b"a program").hexdigest()[:12]
+    rows_of = {"time": [{"programs": f"pfilt {'0' * 12}, rpict {here}"}, {"programs": f"rpict {'1' * 12}"}], "grid": [{"programs": f"rpict {here}"}, {"programs": ""}]}
+    found = {(name, digest): (n, remark) for name, digest, n, remark in programs.table(rows_of)}
+    assert found["rpict", here] == (2, "") and found["rpict", "1" * 12][0] == 1 and len(found) == 3
+    assert here in found["rpict", "1" * 12][1] and "none" in found["pfilt", "0" * 12][1]
+    shown = page.build(rows(), [], {}, built=(programs.table(rows_of), "Version 9."))
+    assert f"<code>{here}</code>" in shown and "Version 9." in shown and 'href="#programs"' in shown
 
 
 def test_findings_come_from_the_rows():

@@ -8,6 +8,8 @@ import sys
 import numpy as np
 import pytest
 
+import common_util
+
 TOP = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 SCENES = os.path.join(TOP, "scenes")
 sys.path.insert(0, SCENES)
@@ -16,36 +18,8 @@ import compare  # noqa: E402
 import pictures  # noqa: E402
 
 
-def rgbe(rgb):
-    """Shared-exponent bytes after Ward: mantissa = value * 256 / 2^(e-128), e from frexp of the largest."""
-    top = rgb.max(-1)
-    mant, exp = np.frexp(np.where(top > 0, top, 1.0))
-    scale = np.where(top > 1e-32, mant * 256.0 / np.where(top > 0, top, 1.0), 0.0)
-    out = np.zeros((*rgb.shape[:2], 4), np.uint8)
-    out[..., :3] = (rgb * scale[..., None]).astype(np.uint8)
-    out[..., 3] = np.where(top > 1e-32, exp + 128, 0)
-    return out
-
-
-def write_hdr(path, rgb, runs=False, header=b""):
-    px = rgbe(np.asarray(rgb, float))
-    rows, cols = px.shape[:2]
-    body = b""
-    for y in range(rows):
-        if not runs:
-            body += px[y].tobytes()
-            continue
-        body += bytes([2, 2, cols >> 8, cols & 255])
-        for c in range(4):
-            line, x = px[y, :, c], 0
-            while x < cols:
-                n = 1
-                while x + n < cols and n < 127 and line[x + n] == line[x]:
-                    n += 1
-                body += bytes([128 + n, line[x]]) if n > 2 else bytes([1, line[x]])
-                x += n if n > 2 else 1
-    with open(path, "wb") as f:
-        f.write(b"#?RADIANCE\n" + header + b"FORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % (rows, cols) + body)
+def write_hdr(path, rgb, runs=False, header=""):
+    common_util.write_hdr(path, common_util.rgbe_of(np.asarray(rgb, float)), line=common_util.line_new if runs else bytes, header=header)
     return str(path)
 
 
@@ -138,7 +112,7 @@ def test_radiance_picture_reads_back(tmp_path, runs):
 def test_exposure_in_the_header_is_undone(tmp_path):
     rgb = np.full((2, 9, 3), 3.0)
     plain = pictures.read(write_hdr(tmp_path / "a.hdr", rgb))
-    assert pictures.read(write_hdr(tmp_path / "b.hdr", rgb, header=b"EXPOSURE=4\nEXPOSURE=0.5\n")) == pytest.approx(plain / 2)
+    assert pictures.read(write_hdr(tmp_path / "b.hdr", rgb, header="EXPOSURE=4\nEXPOSURE=0.5\n")) == pytest.approx(plain / 2)
 
 
 def test_broken_pictures_are_refused_in_one_line(tmp_path):

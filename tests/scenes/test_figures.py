@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 
+from common_util import rgbe_of, write_hdr
 from conftest import TOP, environment, run
 
 SCENES = TOP / "scenes"
@@ -88,19 +89,10 @@ def test_saturated_and_black():
     assert (code[..., 2] == 255).all() and (code[..., 0] <= dark).all() and (code[..., 1] >= full).all()
 
 
-def write_flat_hdr(path, rgb):
-    rgb = np.asarray(rgb, float)
-    mant, exp = np.frexp(np.maximum(rgb.max(-1), 1e-30))
-    out = np.zeros((*rgb.shape[:2], 4), np.uint8)
-    out[..., :3] = rgb * (mant * 256 / np.maximum(rgb.max(-1), 1e-30))[..., None]
-    out[..., 3] = exp + 128
-    path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n" % rgb.shape[:2] + out.tobytes())
-
-
 def test_exposures_merge_to_the_picture(tmp_path):
     """Four decades through camera and hdrgen come back: the noise that is left is the electrons'."""
     ramp = np.repeat(np.logspace(-1.5, 2.5, 120)[None, :, None], 40, 0) * [1.0, 0.7, 0.4]
-    write_flat_hdr(tmp_path / "a.hdr", ramp)
+    write_hdr(tmp_path / "a.hdr", rgbe_of(ramp), line=bytes)
     script("camera.py", *(w for k in (-9, -6, -3, 0) for w in ("--seconds", f"1/{2 ** -k}")), "-o", tmp_path / "e", tmp_path / "a.hdr")
     run("hdrgen", "--quiet", "--response", "srgb", "--times", tmp_path / "e/times.txt", "-o", tmp_path / "m.exr",
         *sorted((tmp_path / "e").glob("*.png")))

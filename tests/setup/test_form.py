@@ -35,7 +35,7 @@ BELOW = {
     "ilfmat/file": ["ilfmat", "common/exr"],
     "ilfmat/lookup": ["ilfmat"],
     "ilfmat/sampling": ["ilfmat"],
-    "ilfmat": [],
+    "ilfmat": ["common/exr"],
     "ilfmat/programs": ["ilfmat", "common/image", "common/base"],
     "ilfmat/examples": ["ilfmat"],
     "tools/hdrgen": ["common/vision", "common/image", "common/exr", "common/base"],

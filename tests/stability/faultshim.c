@@ -2,10 +2,11 @@
  * faultshim.c - make a chosen call fail: LD_PRELOAD=faultshim.so FAULT=WHAT:HOW:N[:FILE] program ...
  *
  *   WHAT  read write open fsync rename close ftruncate fwrite (fwrite: the C library's own writes of a
- * stream, which don't pass through write() where they can be seen from outside) HOW   ENOSPC EIO EINTR
- * EDQUOT: that error; SHORT: half of what was asked for (read, write); ONE: one byte; KILL: SIGKILL before
- * the call N     the N-th such call (from 1), "N+" that and all after it FILE  counts calls on files whose
- * name contains FILE only
+ *         stream, which don't pass through write() where they can be seen from outside)
+ *   HOW   ENOSPC EIO EINTR EDQUOT: that error; SHORT: half of what was asked for (read, write); ONE: one
+ *         byte; KILL: SIGKILL before the call
+ *   N     the N-th such call (from 1), "N+" that and all after it
+ *   FILE  counts calls on files whose name contains FILE only
  *
  * EINTR and short counts are no failures: a program has to go on.
  *

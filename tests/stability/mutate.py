@@ -39,8 +39,8 @@ MUTATIONS = {
     "any-ray-differs": ("ilfmat/lookup/ilf_eval.c", "at.top = fmax(2 * fy + 1, 0);", "at.top = 1;", "build/test/ilfboth", "tests/ilfmat/test_ilf_interleaved.py::test_any_ray_and_usual_rays[half-sphere]"),
     "second-part-believed": ("ilfmat/file/ilf_probe.c", "(p->checked || ilf_same_texels(f, f->map + second.data_offset, chunk.data_offset))", "1", TRACE + " build/bin/ilfinfo build/test/ilfboth build/test/ilfcopy", "tests/ilfmat/test_ilf_interleaved.py::test_edited_first_part_counts"),
     # ---- the file
-    "truncation-unseen": ("ilfmat/file/ilf_file.c", "little_endian(size, 4) > end - last - head)", "0)", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),
-    "table-unchecked": ("ilfmat/file/ilf_file.c", "if (at < table + (uint64_t)n * 8 || at >= end) {", "if (0) {", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),
+    "truncation-unseen": ("common/exr/exr_tiles.c", "exr_tile_head(head, w->several).size <= w->end - at - bytes", "1", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),
+    "table-unchecked": ("common/exr/exr_tiles.c", "if (at < first || at >= file_bytes) {", "if (0) {", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),
     "nan-half-accepted": ("ilfmat/file/ilf_probe.c", "(h & 0x7c00u) == 0x7c00u", "h == 0x7c00u", TRACE, FILES + "test_texel_that_is_no_number_is_named"),
     "change-unseen": ("ilfmat/file/ilf_probe.c", "    struct stat st;\n\n    if (fstat(f->fd, &st) != 0) return", "    struct stat st;\n\n    if (f->fd >= 0) return ILF_OK;\n    if (fstat(f->fd, &st) != 0) return", TRACE, "tests/stability/test_sharing.py::test_overwritten_while_read"),
     "dwa-by-name": ("ilfmat/file/ilf_dwa.c", "ImfOpenTiledInputFile(name)", "ImfOpenTiledInputFile(f->path)", TRACE, "tests/stability/test_sharing.py::test_replaced_while_read"),

@@ -20,7 +20,7 @@ def one_line(result):
     return lines[0]
 
 
-# ---- command contract ----------------------------------------------------------------------------------
+# ---- what every command promises ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("program", ["stagectl", "virtualstage", "virtualcamera"])
 def test_help_version_and_man_page_agree(program):

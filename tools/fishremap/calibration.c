@@ -2,13 +2,18 @@
  * calibration.c - OpenCV's, gyroflow's, ROS's and Kalibr's calibrations (calibration.h).
  *
  * What they call a model is, for a direction at angle t from the axis, a radius r before the camera matrix:
- *   fisheye, equidistant  t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8) (cv::fisheye) pinhole               u =
- * tan t;  u (1 + k1 u^2 + k2 u^4 + k3 u^6) / (1 + k4 u^2 + k5 u^4 + k6 u^6)  (cv::calibrateCamera) fov atan(2
- * tan t tan(w/2)) / w                                                  (Devernay & Faugeras 2001) omni u =
- * sin t / (cos t + xi), then as pinhole                                   (Mei & Rives 2007) eucm sin t / (a
- * sqrt(b sin^2 t + cos^2 t) + (1 - a) cos t)                       (Khomutenko et al. 2016) ds sin t / (a
- * sqrt(sin^2 t + (xi + cos t)^2) + (1 - a) (xi + cos t))           (Usenko et al. 2018) Tangential terms (p1,
- * p2) are not radial: lens.tangential keeps what they may move, for lensfile.c to judge.
+ *
+ *   fisheye, equidistant  t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)                (cv::fisheye)
+ *   pinhole               u (1 + k1 u^2 + k2 u^4 + k3 u^6) / (1 + k4 u^2 + k5 u^4 + k6 u^6),  u = tan t
+ *                                                                                  (cv::calibrateCamera)
+ *   fov                   atan(2 tan t tan(w/2)) / w                               (Devernay & Faugeras 2001)
+ *   omni                  u = sin t / (cos t + xi), then as pinhole                (Mei & Rives 2007)
+ *   eucm                  sin t / (a sqrt(b sin^2 t + cos^2 t) + (1 - a) cos t)    (Khomutenko et al. 2016)
+ *   ds                    sin t / (a sqrt(sin^2 t + (xi + cos t)^2) + (1 - a) (xi + cos t))
+ *                                                                                  (Usenko et al. 2018)
+ *
+ * Tangential terms (p1, p2) are not radial: lens.tangential keeps what they may move, for lensfile.c to
+ * judge.
  */
 #include "calibration.h"
 

@@ -2,10 +2,10 @@
  * calibration.h - camera calibrations as other programs write them, as lenses.
  *
  *   OpenCV     cv::FileStorage (YAML, JSON, XML), or ROS camera_info: camera matrix and distortion
- * coefficients; cv::fisheye (k1..k4) or the pinhole model with k1, k2, k3 .. k6 gyroflow   lens profiles
- * (JSON): cv::fisheye with its picture's size Kalibr     camchain (YAML): pinhole-equi, pinhole-radtan,
- * pinhole-fov, omni (Mei), eucm, ds OCamCalib  calib_results.txt (Scaramuzza): z = f(rho), centre, affine c,
- * d, e
+ *              coefficients; cv::fisheye (k1..k4) or the pinhole model with k1, k2, k3 .. k6
+ *   gyroflow   lens profiles (JSON): cv::fisheye with its picture's size
+ *   Kalibr     camchain (YAML): pinhole-equi, pinhole-radtan, pinhole-fov, omni (Mei), eucm, ds
+ *   OCamCalib  calib_results.txt (Scaramuzza): z = f(rho), centre, affine c, d, e
  *
  * All but OCamCalib's have pixel (0,0) in the middle of the first pixel, x to the right, y down; x right, y
  * down, z ahead.  OCamCalib's x is the row and y the column, from 0 in the middle of the first pixel, and z

@@ -1,5 +1,5 @@
 /*
- * chart.c - direction <-> pixel for lens discs and longitude grids (chart.h, contract section 1).
+ * chart.c - direction <-> pixel for lens discs and longitude grids (chart.h).
  */
 #include "chart.h"
 

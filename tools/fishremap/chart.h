@@ -12,7 +12,7 @@
  *     +v |                  sphere seen from above (along -n, +v up) has +u to the right, and a
  *   +u --+   fisheye        point of its picture at azimuth psi shows light from azimuth psi.
  *
- * A GRID is a rectangle in (longitude, polar angle): the contract's probe, with the pole at
+ * A GRID is a rectangle in (longitude, polar angle): a light field's probe, with the pole at
  * the top, or a panorama (latlong) whose middle is n and whose top is v, seen from within as a camera sees
  * it: +u to the left.
  *
@@ -47,7 +47,7 @@ typedef struct chart {
 void chart_disc(chart *c, int width, int height, const lens *l, double cx, double cy, double radius,
                 int mirror, double rotate, double tilt, double tilt_to);
 
-/* The contract's probe: azimuth -pi..pi from left to right, polar angle 0..polar_max down. */
+/* A light field's probe: azimuth -pi..pi from left to right, polar angle 0..polar_max down. */
 void chart_probe(chart *c, int width, int height, double polar_max);
 
 /* A panorama: n in the middle, v up, longitude growing to the picture's right (-u) over span. */

@@ -1,17 +1,17 @@
 /*
- * dryrun.c - are the options and the files that they name right?  Before there is a picture.
+ * dryrun.c - see dryrun.h.
  */
+#include "dryrun.h"
+
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include "base/cli.h"
 #include "falloff.h"
 #include "lens.h"
 #include "lensfile.h"
-#include "settings.h"
 
 int job_dry_run(const settings *s, errmsg *e)
 {

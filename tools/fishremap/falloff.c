@@ -10,10 +10,10 @@
 #include <string.h>
 
 #include "base/textfile.h"
+#include "falloff_json.h"
 
-#define DEG       (M_PI / 180)
-#define MAX_POWER 32
-#define MAX_ROWS  4096
+#define DEG      (M_PI / 180)
+#define MAX_ROWS 4096
 
 /* Monotone cubic (Fritsch-Carlson) through n points, evaluated at t; held outside. */
 static double monotone_cubic(const double *x, const double *y, int n, double t)
@@ -69,7 +69,7 @@ static int parse_text(falloff *f, const char *text, const char *name, errmsg *e)
     textlines lines = textlines_of(text);
     char line[1024];
     while (textlines_next(line, sizeof line, &lines)) {
-        double v[MAX_POWER + 1];
+        double v[FALLOFF_MAX_POWER + 1];
         if (strncmp(line, "polynomial", 10) == 0 && isspace((unsigned char)line[10])) {
             char domain[8];
             int used = 0;
@@ -78,7 +78,7 @@ static int parse_text(falloff *f, const char *text, const char *name, errmsg *e)
                           : strcmp(domain, "deg") == 0 ? DEG
                           : strcmp(domain, "rad") == 0 ? 1
                                                        : 0;
-            int m = unit > 0 ? text_numbers(v, MAX_POWER + 1, line + 10 + used) : -1;
+            int m = unit > 0 ? text_numbers(v, FALLOFF_MAX_POWER + 1, line + 10 + used) : -1;
             if (m < 1 || npoly == 3) {
                 err_set(e,
                         "%s: line %d: expected up to three lines \"polynomial rn|deg|rad c0 c1 ...\", found "
@@ -89,7 +89,7 @@ static int parse_text(falloff *f, const char *text, const char *name, errmsg *e)
             from_polynomial(f, npoly++, v, m, unit);
             continue;
         }
-        int m = text_numbers(v, MAX_POWER + 1, line);
+        int m = text_numbers(v, FALLOFF_MAX_POWER + 1, line);
         if (m < 4 || n == MAX_ROWS || !(v[0] >= 0) || (n && !(v[0] > rows[n - 1][0] / DEG))) {
             err_set(e, "%s: line %d: expected \"DEGREES R G B\" with growing angles, found \"%.60s\"", name,
                     lines.number, line);
@@ -129,130 +129,13 @@ done:
     return rc;
 }
 
-/* ---- JSON, as much of it as such a file needs: objects of strings, numbers and objects ------------- */
-
-typedef struct json_set {
-    char name[64];
-    double c[MAX_POWER + 1];
-    int powers; /* numeric members seen */
-} json_set;
-
-typedef struct json {
-    const char *p;
-    const char *name;
-    json_set set[16];
-    int nsets;
-} json;
-
-static void space(json *j)
-{
-    while (isspace((unsigned char)*j->p)) j->p++;
-}
-
-static int json_bad(const json *j, const char *expected, errmsg *e)
-{
-    return err_set(e, "%s: expected %s, found \"%.20s\"", j->name, expected, *j->p ? j->p : "the end");
-}
-
-static int json_string(json *j, char *out, size_t room, errmsg *e)
-{
-    size_t n = 0;
-    space(j);
-    if (*j->p != '"') return json_bad(j, "a string in quotes", e);
-    for (j->p++; *j->p && *j->p != '"'; j->p++) {
-        if (*j->p == '\\' && j->p[1]) j->p++;
-        if (n + 1 < room) out[n++] = *j->p;
-    }
-    out[n] = 0;
-    if (*j->p != '"') return json_bad(j, "a closing quote", e);
-    j->p++;
-    return 0;
-}
-
-static int json_object(json *j, json_set *s, int depth, errmsg *e)
-{
-    char key[64], other[256];
-    space(j);
-    if (*j->p != '{') return json_bad(j, "an object {...}", e);
-    j->p++;
-    space(j);
-    if (*j->p == '}') {
-        j->p++;
-        return 0;
-    }
-    for (;;) {
-        if (json_string(j, key, sizeof key, e)) return -1;
-        space(j);
-        if (*j->p != ':') return json_bad(j, "':'", e);
-        j->p++;
-        space(j);
-        if (*j->p == '{') {
-            if (depth || j->nsets == 16) return json_bad(j, "up to 16 sets, not nested", e);
-            json_set *t = &j->set[j->nsets++];
-            memset(t, 0, sizeof *t);
-            t->c[0] = 1;
-            snprintf(t->name, sizeof t->name, "%s", key);
-            if (json_object(j, t, 1, e)) return -1;
-        } else if (*j->p == '"') {
-            if (json_string(j, other, sizeof other, e)) return -1;
-        } else {
-            char *end, *kend;
-            double v = strtod(j->p, &end);
-            long k = strtol(key, &kend, 10);
-            if (end == j->p || !isfinite(v)) return json_bad(j, "a number, a string or an object", e);
-            j->p = end;
-            if (s && kend != key && !*kend) {
-                if (k < 0 || k > MAX_POWER)
-                    return err_set(e, "%s: expected powers 0..%d, found %ld", j->name, MAX_POWER, k);
-                s->c[k] = v;
-                s->powers++;
-            }
-        }
-        space(j);
-        if (*j->p == '}') break;
-        if (*j->p != ',') return json_bad(j, "',' or '}'", e);
-        j->p++;
-    }
-    j->p++;
-    return 0;
-}
-
 static int parse_json(falloff *f, const char *text, const char *name, const char *set, double f_number,
                       errmsg *e)
 {
-    json *j = calloc(1, sizeof *j);
-    const json_set *s = NULL;
-    char want[64] = "", list[512] = "";
-    int usable = 0, rc = -1;
-    if (!j) return err_set(e, "out of memory");
-    j->p = text, j->name = name;
-    if (json_object(j, NULL, 0, e)) goto done;
-    space(j);
-    if (*j->p) {
-        json_bad(j, "nothing after the closing '}'", e);
-        goto done;
-    }
-    if (set) snprintf(want, sizeof want, "%s", set);
-    else if (f_number > 0) snprintf(want, sizeof want, "f%g", f_number);
-    for (int i = 0; i < j->nsets; i++) {
-        if (!j->set[i].powers) continue;
-        usable++;
-        snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s", *list ? ", " : "", j->set[i].name);
-        if (strcmp(j->set[i].name, want) == 0) s = &j->set[i];
-    }
-    for (int i = 0; !s && (!*want || (!set && usable == 1)) && i < j->nsets; i++)
-        if (j->set[i].powers) s = &j->set[i];
-    if (!s) {
-        err_set(e, "%s: expected %s, found the sets (%s)", name, *want ? want : "a set of coefficients",
-                *list ? list : "none");
-        goto done;
-    }
-    if (!*want && usable > 1) snprintf(f->chosen, sizeof f->chosen, "%s", s->name);
-    for (int c = 0; c < 3; c++) from_polynomial(f, c, s->c, MAX_POWER + 1, f->half);
-    rc = 0;
-done:
-    free(j);
-    return rc;
+    double c[FALLOFF_MAX_POWER + 1];
+    if (falloff_json(c, f->chosen, text, name, set, f_number, e)) return -1;
+    for (int k = 0; k < 3; k++) from_polynomial(f, k, c, FALLOFF_MAX_POWER + 1, f->half);
+    return 0;
 }
 
 int falloff_parse(falloff *f, const char *text, const char *name, double half, const char *set,

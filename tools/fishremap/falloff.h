@@ -6,9 +6,9 @@
  *
  *   text   lines "DEG R G B" (further columns, such as falloffcal's standard deviations, are
  *          ignored), angles growing, values > 0; or lines "polynomial DOMAIN c0 c1 c2 ..." (one for all
- * channels or one each for R, G, B), DOMAIN one of rn, deg, rad; "#" begins a comment JSON   an object whose
- * members are sets such as "f5.6": {"2": 0.1755, "4": -0.5286}: V(rn) = 1 + sum c_k rn^k (power "0" replaces
- * the 1); other members are remarks
+ *          channels or one each for R, G, B), DOMAIN one of rn, deg, rad; "#" begins a comment
+ *   JSON   an object whose members are sets such as "f5.6": {"2": 0.1755, "4": -0.5286}:
+ *          V(rn) = 1 + sum c_k rn^k (power "0" replaces the 1); other members are remarks
  *
  * rn = theta / half: the radius relative to the image circle after a remap to equidistant.
  */

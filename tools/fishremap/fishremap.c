@@ -9,7 +9,12 @@
 #include <string.h>
 
 #include "base/outfile.h"
+#include "dryrun.h"
+#include "image/image.h"
 #include "options.h"
+#include "picture.h"
+#include "report.h"
+#include "spherearray.h"
 
 /* OUT with its % replaced by the picture's name without folder and ending; malloc'd. */
 static char *name_for(const char *out, const char *in)

@@ -7,11 +7,16 @@
  * the factor is the median ratio over the directions that both show well, weighted with solid angle, so that
  * what moved or shines at one side alone has no say.
  */
+#include "second.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "settings.h"
+#include "image/image.h"
+#include "input.h"
+#include "placing.h"
+#include "remapjob.h"
 
 #define DEG           (M_PI / 180)
 #define LEAST_OVERLAP 0.05 /* sr, about 14 degrees across: below, no exposure is told from it */

@@ -1,13 +1,9 @@
 /*
- * settings.h - what the command line of fishremap says, and the two jobs it can name.
+ * settings.h - what the command line of fishremap says.
  */
 #ifndef SETTINGS_H
 #define SETTINGS_H
 
-#include "chart.h"
-#include "circle.h"
-#include "ilf.h"
-#include "image/image.h"
 #include "sphere.h"
 
 /* NONE: not given, until usage_check() (options.h) put the default in its place; numbers that were not given
@@ -60,81 +56,5 @@ typedef struct settings {
     int dry_run;                                                   /* check only */
     void (*progress)(const char *what, double done, double total); /* or NULL */
 } settings;
-
-/* What came out of it, for the caller to print and for --report. */
-typedef struct outcome {
-    double cx, cy, radius;                         /* of the image circle, pixels */
-    circle_found circle;                           /* how well it was found; r 0: it was given */
-    int64_t bad_pixels;                            /* NaN, infinite or masked */
-    double covered;                                /* share of the output's solid angle */
-    double cpu_plan_s, cpu_prepare_s, cpu_remap_s; /* plan: only where several pictures share one */
-    double pitch, polar_valid_deg, tilt_deg;       /* arrays */
-    sphere_seen *spheres;                          /* arrays: where they are; the caller frees them */
-    int nspheres;
-    const char *spheres_from; /* "rims": fitted to all of them; "corners": as those say; pitch and tilt
-                                 follow.  NULL for no array */
-    int rims_seen;            /* rims within a pixel of the grid */
-    double rims_rms;          /* of the spheres' own rims about it, pixels */
-    double second_gain, second_residual,
-        second_overlap; /* a second view's factor; relative deviation from IN, robust; steradians */
-    char remark[1024];  /* worth telling, or "" */
-} outcome;
-
-/* Load the input as linear radiance with mask and alpha folded in: 4 channels.  all_good: every pixel is
- * finite and has alpha 1. */
-int input_load(img *im, int *all_good, const settings *s, errmsg *e);
-
-/* What pictures of one geometry share: weights are made once.  Zero to begin with. */
-typedef struct session {
-    int several; /* more than one picture will come: keep the plan */
-    chart src, dst;
-    struct remap_plan *plan;
-} session;
-void session_free(session *w);
-
-/* Lens, falloff, mask and second picture: can they be read? */
-int job_dry_run(const settings *s, errmsg *e);
-
-/* One picture to another. */
-int job_picture(outcome *o, session *w, const settings *s, errmsg *e);
-
-/* Mirror-sphere array to a light field (or, 1x1 without ".ilf.exr", to a probe). */
-int job_array(outcome *o, const settings *s, errmsg *e);
-
-/* Take the camera's own reflection (within the angle, radians, of the axis) out of a ball's picture. */
-void hide_camera(float *pix, int *all_good, const chart *c, double angle);
-
-/* Fill texels with alpha 0 as the mode says; rgb w*h*3.  Hold: the nearest covered texel of the
- * column, upwards first. */
-void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode);
-
-/* Write the picture; partial: some alpha is below 1.  view: Radiance's VIEW for a .hdr, or NULL. */
-int result_write(const settings *s, const float *rgb, const float *alpha, int partial, const char *view,
-                 errmsg *e);
-
-/* Radiance's name for the view that chart c of kind is, after "VIEW=": 0, or -1 where Radiance has none (text
- * is ""). */
-int radiance_view(char *text, size_t room, const chart *c, view_kind kind);
-
-/* Add to the remarks. */
-void outcome_note(outcome *o, const char *fmt, ...) __attribute__((format(printf, 2, 3)));
-
-/* Take c's camera as the settings turn it (chart.h). */
-void turn_chart(chart *c, const settings *s, int mirror);
-
-/* A picture that input_load() gave, by its chart, into the chart dst. */
-int remap_picture(float *rgb, float *alpha, outcome *o, session *w, const settings *s, img *im, int all_good,
-                  const chart *src, const chart *dst, errmsg *e);
-
-/* Add the second view of the ball to rgb and alpha, which the first gave. */
-int second_add(float *rgb, float *alpha, outcome *o, const settings *s, const chart *first, const chart *dst,
-               errmsg *e);
-
-/* CPU time of all threads, and of this one. */
-double cpu_seconds(void);
-double cpu_thread_seconds(void);
-
-/* The outcome as JSON. */
-int report_write(const char *path, const outcome *o, errmsg *e);
 
 #endif

@@ -115,7 +115,7 @@ static int check_corners(const sphere_seen q[4], int n, int m, double rotate, er
         return err_set(e,
                        "corners: expected +u, from (0,0) to (n-1,0), to point right in the picture, found it "
                        "%.0f degrees counter-clockwise from there; turn the picture with --rotate or name "
-                       "the corners in the contract's order",
+                       "the corners in the order (0,0), (n-1,0), (n-1,m-1), (0,m-1)",
                        a / DEG);
     return 0;
 }

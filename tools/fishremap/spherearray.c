@@ -4,16 +4,23 @@
  * Every sphere is a lens of its own (lens.h) at its own place in the picture, turned so that +u is
  * where the grid's first direction runs (paper, section 4.1).
  */
+#include "spherearray.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/outfile.h"
+#include "cputime.h"
 #include "filter.h"
+#include "ilf.h"
+#include "image/image.h"
+#include "input.h"
 #include "overlay.h"
+#include "placing.h"
 #include "remap.h"
-#include "settings.h"
+#include "result.h"
 #include "slope.h"
 #include "spherefind.h"
 #include "spherepose.h"

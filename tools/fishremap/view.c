@@ -9,10 +9,10 @@
  * -vh and -vv are the angles across the whole picture, beyond the circle too where it is not square.
  * Directions are the plane's: x, y, z of the VIEW line are u, v, n.
  */
+#include "view.h"
+
 #include <math.h>
 #include <stdio.h>
-
-#include "settings.h"
 
 #define DEG (M_PI / 180)
 

@@ -27,12 +27,10 @@ static const double misfit_steps = 1;
 static const double least_lambda = 0.01; /* Gauss-Newton needs some hold where data are few */
 static const double longest_step = 0.5;  /* of any spline coefficient in one round */
 
-/* What no curve explains is not independent from bin to bin: it is smooth, and where exposures are P stops
- * apart, an error
- * of the curve with that period is all but invisible to the data.  The means' own scatter therefore counts
- * this many times,
- * more where P is large (tried on series of one stop against every second and third of their own
- * exposures). */
+/* What no curve explains is not independent from bin to bin: it is smooth, and where exposures are P
+ * stops apart, an error of the curve with that period is all but invisible to the data.  The means' own
+ * scatter therefore counts this many times, more where P is large (tried on series of one stop against
+ * every second and third of their own exposures). */
 static double sharing(const double *lnt, int kk)
 {
     double step = 0;

@@ -6,9 +6,8 @@
  *     d = ln(y_l / t_l) - ln(y_k / t_k),   var d = v(y_k)/y_k^2 + v(y_l)/y_l^2,
  *
  * is noise alone where nothing moved and response and times are right.  How much larger than the model's
- * noise it
- * usually is in this series is learnt from medians, by brightness, which a minority of things that move
- * can't spoil.
+ * noise it usually is in this series is learnt from medians, by brightness, which a minority of things
+ * that move can't spoil.
  */
 #include "contradict.h"
 

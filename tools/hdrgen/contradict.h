@@ -1,7 +1,6 @@
 /*
  * contradict.h - samples that contradict each other: found before anything is learnt from them, and what
- * they say of
- * the series as a whole.  Pure.
+ * they say of the series as a whole.  Pure.
  */
 #ifndef HDRGEN_CONTRADICT_H
 #define HDRGEN_CONTRADICT_H

@@ -1,5 +1,6 @@
 /*
- * curve.h - what every response solve shares: penalty, gauge, and spline <-> table.
+ * curve.h - what every response solve shares: smoothness, the scale that the data
+ * leave open (gauge), spline <-> table.
  */
 #ifndef HDRGEN_CURVE_H
 #define HDRGEN_CURVE_H

@@ -6,10 +6,9 @@
  * an unlinked temporary file picture by picture; everything else is decoded again.
  *
  * Missing pixels.  An exposure may have nothing to say of a pixel: its alpha is below full (registered
- * images beyond
- * their border), its codes are the fill colour, or it was moved and the pixel lies outside.  That is
- * neither black
- * nor clipped, and has a mask of its own: one byte per pixel and exposure, not 0 where missing.
+ * images beyond their border), its codes are the fill colour, or it was moved and the pixel lies
+ * outside.  That is neither black nor clipped, and has a mask of its own: one byte per pixel and
+ * exposure, not 0 where missing.
  */
 #ifndef HDRGEN_FRAMES_H
 #define HDRGEN_FRAMES_H

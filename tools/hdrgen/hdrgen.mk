@@ -1,10 +1,4 @@
-# hdrgen: tests of its pure parts, and the comparison with other programs.
-
-$(B)/test/hdrgenparts: $(B)/obj/tests/hdrgen/parts.o $(B)/obj/libhdrgen.a $(LIBCOMMON) $(B)/flags/ld
-	@mkdir -p $(@D)
-	@echo "  LD  $(@F)"
-	$(Q)$(CC) $(LDFLAGS) -o $@ $(PARTS) $(LIBS_hdrgen) $(LIBS_IMAGE)
-test: $(B)/test/hdrgenparts
+# hdrgen: the comparison with other programs.
 
 #?measures: bench-hdrgen    exposure merging: error and CPU seconds beside OpenCV, and the real series
 BENCH_HDRGEN := $(B0)/bench/hdrgen

@@ -2,15 +2,14 @@
  * merge.c - the row kernels.
  *
  * Noise weights: X0 is y/t of the longest exposure that is not near clipping, or of the shortest if all
- * are; then Fisher-scoring steps of the
- * quasi-likelihood with everything but y taken from X0,
+ * are; then Fisher-scoring steps of the quasi-likelihood with everything but y taken from X0,
  *
  *     d ln X = sum w(e_k) (y_k/e_k - m(e_k)/e_k) / sum i(e_k),   e_k = X0 t_k,
  *
  * whose denominator is the information on ln X: sigma = X / sqrt(sum i).  Weights do not depend on a
- * sample's own noise, so dark samples are not favoured for being dark (Granados et al. 2010, sec. 4).  The
- * step has a second
- * solution where a sample near the top may be clipped; the likelier one is taken, whatever X0 was.
+ * sample's own noise, so dark samples are not favoured for being dark (Granados et al. 2010, sec.
+ * 4).  The step has a second solution where a sample near the top may be clipped; the likelier one is
+ * taken, whatever X0 was.
  *
  * Debevec weights: ln X = sum w(z) (g(z) - ln t) / sum w(z), Debevec & Malik (1997), eq. 6.
  */
@@ -82,8 +81,8 @@ static inline int first_inside(const merge *m, const uint16_t *const *codes, con
 }
 
 /* Where `first`, the longest exposure that is inside, is so dim that noise alone can have made it: the
- * longest that is
- * black before it, which says more.  Else `first`: a longer one that is black by mistake says nothing. */
+ * longest that is black before it, which says more.  Else `first`: a longer one that is black by mistake
+ * says nothing. */
 static inline int black_before(const merge *m, const merge_channel *ch, const uint16_t *const *codes,
                                const merge_row *row, int i, size_t at, int with_reject, int first, float dark)
 {
@@ -133,8 +132,7 @@ static inline float solve(const merge *m, const merge_channel *ch, pixel *p, int
 }
 
 /* ln likelihood of x: each sample as the tables expect it, or, rarely, anything at all.  A clipped sample
- * may read as one
- * that is nearly so. */
+ * may read as one that is nearly so. */
 static float likelihood(const merge *m, const merge_channel *ch, const pixel *p, int with_reject, float x)
 {
     static const float anything = 1e-3f, not_white = 0.1f;
@@ -162,11 +160,9 @@ static float likelihood(const merge *m, const merge_channel *ch, const pixel *p,
     return sum;
 }
 
-/* The scoring ends at the solution nearest to its start, and there are two where samples near the top may
- * be light or
- * clipped: x, from the sample at place `guess`, makes all longer ones clipped.  The likeliest of x and
- * what these say
- * on their own is where to end. */
+/* The scoring ends at the solution nearest to its start, and there are two where samples near the top
+ * may be light or clipped: x, from the sample at place `guess`, makes all longer ones clipped.  The
+ * likeliest of x and what these say on their own is where to end. */
 static float likeliest(const merge *m, const merge_channel *ch, pixel *p, int with_reject, int first,
                        int guess, float x)
 {
@@ -212,8 +208,8 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
         p.used = 0;
         int first = first_inside(m, codes, row, i, at, with_reject, 0, ch->top - 1), guess = first;
         /* a camera's clipped pixels may come out a little below the highest code: begin from one that is
-         * not near
-         * it, else from the shortest, and the longer ones get the weight that its prediction gives them */
+         * not near it, else from the shortest, and the longer ones get the weight that its prediction
+         * gives them */
         if (first >= 0 && codes[first][at] > ch->safe) {
             guess = first_inside(m, codes, row, i, at, with_reject, first + 1, ch->safe);
             guess = guess < 0 ? last_inside(m, ch, &p, with_reject) : guess;
@@ -243,8 +239,8 @@ static inline void noise_row(const merge *m, const merge_channel *ch, const merg
 }
 
 /* Exposures longer than this can have nothing but clipped samples of a pixel: found from the longest
- * sample that is not
- * near the top, or else the shortest, if it is well known.  1/t, so that 0 is no limit. */
+ * sample that is not near the top, or else the shortest, if it is well known.  1/t, so that 0 is no
+ * limit. */
 static float clips_from(const merge *m, const merge_channel *ch, const merge_row *row,
                         const uint16_t *const *codes, int i, size_t at)
 {

@@ -62,15 +62,13 @@ void merge_find_ghosts(const merge *m, int channel, const merge_row *row, uint64
 void merge_set_tolerance(merge *m, double relative);
 
 /* Second step for a mosaic: a pixel's neighbours in the row lose the same exposures, since ghosts have
- * soft edges; no pixel
- * loses its last usable exposure. */
+ * soft edges; no pixel loses its last usable exposure. */
 void merge_settle_ghosts(const merge *m, uint64_t *reject, uint64_t *scratch, int count);
 
 /* Second step otherwise, when all channels have been looked at, for `rows` whole rows: what moves covers
- * areas, and has soft
- * edges; edges that are a pixel off do not.  Votes that fill no 5x5 square are dropped, the others spread
- * by 3 pixels.
- * votes, room: [rows * width], overwritten; the result is in votes. */
+ * areas, and has soft edges; edges that are a pixel off do not.  Votes that fill no 5x5 square are
+ * dropped, the others spread by 3 pixels. votes, room: [rows * width], overwritten; the result is in
+ * votes. */
 void merge_gather_ghosts(const merge *m, uint64_t *votes, uint64_t *room, int width, int rows);
 
 #endif

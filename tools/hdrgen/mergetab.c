@@ -1,11 +1,10 @@
 /*
  * mergetab.c - the merge's tables: what samples are expected to say, from response and noise.
  *
- * A sample of true exposure e is recorded as a code after Gaussian noise (noise.h), rounding and the
- * two ends of the scale; y = finv(code).  The tables hold mean and variance of y given e and
- * given that it is not clipped at the top, so that the quasi-likelihood step in merge.c is free of the
- * bias of
- * black clipping, rounding and of the choice of unclipped samples.
+ * A sample of true exposure e is recorded as a code after Gaussian noise (noise.h), rounding and the two
+ * ends of the scale; y = finv(code).  The tables hold mean and variance of y given e and given that it is
+ * not clipped at the top, so that the quasi-likelihood step in merge.c is free of the bias of black
+ * clipping, rounding and of the choice of unclipped samples.
  */
 #include <math.h>
 #include <stdlib.h>

@@ -42,8 +42,7 @@ int sampler_init(sampler *p, int width, int height, int exposures, int channels,
                  const cfa *mosaic, int with_dark, int wanted, errmsg *e);
 
 /* Look at rows [y0, y0+rows); codes[k] and missing[k] (frames.h) point at row y0 of exposure k, dark at
- * that of the dark
- * frame (NULL without). */
+ * that of the dark frame (NULL without). */
 int sampler_strip(sampler *p, const uint16_t *const *codes, const uint8_t *const *missing,
                   const uint16_t *dark, int y0, int rows, errmsg *e);
 

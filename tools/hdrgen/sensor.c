@@ -10,40 +10,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <libraw/libraw.h>
+#include "image/rawfile.h"
 
 enum { XTRANS = 9, FIRST_PATTERN = 1000, PATTERN_AT = 6, GREY = 6 };
 static const double square = 0.005; /* pixels are square up to this */
 
-/* LibRaw goes on past damage; a picture with holes is worse than none.  The offset's type differs
- * between its versions. */
-static void damaged(void *data, const char *file, const int offset)
-{
-    (void)file;
-    (void)offset;
-    *(int *)data = 1;
-}
-
-static void damaged_64(void *data, const char *file, const INT64 offset)
-{
-    (void)file;
-    (void)offset;
-    *(int *)data = 1;
-}
-
 static libraw_data_t *begin(const char *path, int *broken, errmsg *e)
 {
-    libraw_data_t *raw = libraw_init(0);
+    libraw_data_t *raw = rawfile_new(broken);
     if (!raw) {
         err_set(e, "%s: out of memory", path);
         return NULL;
     }
-    *broken = 0;
-    libraw_set_dataerror_handler(
-        raw,
-        _Generic((data_callback)0, void (*)(void *, const char *, const int): damaged, default: damaged_64),
-        broken);
-    raw->params.use_camera_wb = 1; /* the file's own matrix counts only with it */
     int rc = libraw_open_file(raw, path);
     if (rc != LIBRAW_SUCCESS) {
         err_set(e, "%s: broken or unknown camera raw file: %s", path, libraw_strerror(rc));
@@ -53,45 +31,12 @@ static libraw_data_t *begin(const char *path, int *broken, errmsg *e)
     return raw;
 }
 
-/* LibRaw's turn (bits 1 mirrored left to right, 2 top to bottom, 4 rows are columns; or degrees) in EXIF's
- * numbers. */
-static int orientation(int flip)
-{
-    static const int exif[8] = {1, 2, 4, 3, 5, 8, 6, 7};
-    int degrees = (flip + 3600) % 360;
-    return degrees == 270 ? 8 : degrees == 180 ? 3 : degrees == 90 ? 6 : exif[flip & 7];
-}
-
-static double fact(float v)
-{
-    return isfinite(v) && v > 0 && v < 1e9f ? (double)v : 0;
-}
-
 /* Three multipliers, least 1; zeros if they make no sense. */
 static void multipliers(double to[3], const float from[4])
 {
     double least = INFINITY;
-    for (int c = 0; c < 3; c++) least = fmin(least, fact(from[c]));
+    for (int c = 0; c < 3; c++) least = fmin(least, rawfile_stated(from[c]));
     for (int c = 0; c < 3; c++) to[c] = least > 1e-5 ? (double)from[c] / least : 0;
-}
-
-static void take_matrix(sensor_facts *f, const libraw_data_t *raw)
-{
-    double most = 0;
-    f->has_matrix = !raw->rawdata.ioparams.raw_color && (f->channels == 3 || f->mosaic.columns);
-    for (int i = 0; i < 3; i++) {
-        double sum = 0;
-        for (int c = 0; c < 3; c++) {
-            f->matrix[i][c] = (double)raw->color.rgb_cam[i][c];
-            sum += f->matrix[i][c];
-            most = fmax(most, fabs(f->matrix[i][c]));
-        }
-        f->has_matrix &= isfinite(sum) && fabs(sum - 1) < 0.01;
-        for (int c = 0; c < 3; c++) f->matrix[i][c] /= sum; /* 0.99999 of single precision: grey stays grey */
-    }
-    f->has_matrix &= most < 100;
-    for (int i = 0; i < 3 && !f->has_matrix; i++)
-        for (int c = 0; c < 3; c++) f->matrix[i][c] = i == c;
 }
 
 /* Size of the repeating pattern, and its colours; the second green is green. */
@@ -125,10 +70,10 @@ static int take_facts(sensor_facts *f, libraw_data_t *raw, const char *path, err
     f->width = raw->sizes.width;
     f->height = raw->sizes.height;
     f->aspect = raw->sizes.pixel_aspect > 0 ? raw->sizes.pixel_aspect : 1;
-    f->orientation = orientation(raw->sizes.flip);
-    f->exposure_s = fact(raw->other.shutter);
-    f->f_number = fact(raw->other.aperture);
-    f->iso = fact(raw->other.iso_speed);
+    f->orientation = rawfile_orientation(raw);
+    f->exposure_s = rawfile_stated(raw->other.shutter);
+    f->f_number = rawfile_stated(raw->other.aperture);
+    f->iso = rawfile_stated(raw->other.iso_speed);
     if (f->width < 2 || f->height < 2)
         return err_set(e, "%s: expected a raw picture of 2x2 pixels or more, found %dx%d", path, f->width,
                        f->height);
@@ -150,7 +95,7 @@ static int take_facts(sensor_facts *f, libraw_data_t *raw, const char *path, err
     if (f->channels == 1 && raw->idata.colors == 3 && take_mosaic(f, raw, path, e)) return -1;
     multipliers(f->balance, raw->color.cam_mul);
     multipliers(f->daylight, raw->color.pre_mul);
-    take_matrix(f, raw);
+    f->has_matrix = rawfile_matrix(f->matrix, raw, f->channels == 3 || f->mosaic.columns);
     return 0;
 }
 
@@ -185,10 +130,8 @@ static levels levels_of(const libraw_data_t *raw)
         l.white[i] = (long)c->maximum;
         long stated = (long)c->dng_levels.dng_whitelevel[i];
         int by_colour = stated > l.white[i] / 2 && stated < l.white[i];
-        int less_black =
-            stated ==
-            l.white[i] + l.black; /* LibRaw takes it off linear DNGs' white level, not off their values */
-        if (raw->idata.dng_version && (by_colour || less_black)) l.white[i] = stated;
+        if (raw->idata.dng_version && by_colour) l.white[i] = stated;
+        if (rawfile_white_lacks_black(raw, i)) l.white[i] = stated;
     }
     return l;
 }

@@ -25,11 +25,10 @@ typedef struct times_facts {
     int alone; /* --times stands alone: ISO, f-number are not stated by all, and don't count */
 } times_facts;
 
-/* Check that all seconds are known, finite and positive, and set the exposures: seconds *
- * iso / f^2 (not stated: 1), to be made
- * relative by shots_relate when they are in order.  Where some shots don't state ISO or f-number: if all
- * others agree it is theirs; if they differ that is refused, or, where the times are given by hand, neither
- * counts. */
+/* Check that all seconds are known, finite and positive, and set the exposures: seconds * iso / f^2 (not
+ * stated: 1), to be made relative by shots_relate when they are in order.  Where some shots don't state
+ * ISO or f-number: if all others agree it is theirs; if they differ that is refused, or, where the times
+ * are given by hand, neither counts. */
 int shots_resolve(shot *shots, int n, int times_given, times_facts *facts, errmsg *e);
 
 /* Exposures as seconds at the first shot's ISO and f-number; shots in order from the shortest, so that the

@@ -1,11 +1,10 @@
 /*
  * white.h - from which code on a series is clipped.
  *
- * Files end at 2^b - 1, cameras and converters need not: white may be 250, 235 (video), 65534, 4095 in 16
- * bits, and
- * another code in each channel.  What is clipped comes out as the same code in exposures of different
- * time, or is one
- * code in the longer of two where the shorter still shows differences; light does neither.
+ * Files end at 2^b - 1, cameras and converters need not: white may be 250, 235 (video), 65534, 4095 in
+ * 16 bits, and another code in each channel.  What is clipped comes out as the same code in exposures of
+ * different time, or is one code in the longer of two where the shorter still shows differences; light
+ * does neither.
  */
 #ifndef HDRGEN_WHITE_H
 #define HDRGEN_WHITE_H

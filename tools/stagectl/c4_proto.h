@@ -5,8 +5,11 @@
  *
  *   !1fp             who are you          -> C4...
  *   !1h12            home motors 1 and 2  -> o, o
- *   !1m1f400m2r200n  unsigned relative half steps; a motor that stands still is left out -> a at once, o when
- * done !1a              stop Each command ends with CR; answers have no line end.
+ *   !1m1f400m2r200n  unsigned relative half steps; a motor that stands still is left out
+ *                                         -> a at once, o when done
+ *   !1a              stop
+ *
+ * Each command ends with CR; answers have no line end.
  */
 #ifndef C4_PROTO_H
 #define C4_PROTO_H

@@ -3,9 +3,9 @@
  *
  * The picture is square, size x size pixels, (0, 0) its top-left corner, y down; the image circle touches
  * its edges.  The camera stands on the plane and looks along n = u x v with +v up, so +u is to the
- * left (contract, section 1), as in a Radiance view with -vd n -vu v.
+ * left (docs/FORMAT.md, section 1.4), as in a Radiance view with -vd n -vu v.
  *
- * This is written apart from fishremap's lens models on purpose: the twin would prove nothing
+ * This is written apart from fishremap's lens models on purpose: a virtual capture would prove nothing
  * if both ends of the chain shared one error.
  */
 #ifndef FISHEYE_H
@@ -41,7 +41,7 @@ double fisheye_theta(const fisheye *f, double rho);
 int fisheye_direction(double d[3], double *theta_rad, const fisheye *f, const camera_frame *c, double x,
                       double y);
 
-/* The plane rectangle O, U, V (contract, section 1) as a frame at grid node (i, j) of n x m ... */
+/* The plane rectangle O, U, V (docs/FORMAT.md, section 1.3) as a frame at grid node (i, j) of n x m ... */
 int camera_at_node(camera_frame *c, const double plane[9], const int grid[2], const int node[2], errmsg *e);
 /* ... or at lengths (x, y) along u and v from O. */
 int camera_at_point(camera_frame *c, const double plane[9], const double xy[2], errmsg *e);

@@ -3,6 +3,12 @@
  *
  * "[section]", "key = value"; lines that begin with '#' or ';' are comments; a line that begins with a blank
  * goes on with the value before, joined by one blank.  Nothing else is allowed.
+ *
+ * This is Python's configparser with delimiters "=" and no interpolation, keys as they are written, and
+ * an empty line ends a value.  libinih,
+ * the library for C, does not serve as distributions build it: it gives no line numbers for messages, cuts
+ * lines at 200 bytes and values at " ;" (camera commands have both), and gives a value's further lines as
+ * values of their own.
  */
 #ifndef INI_H
 #define INI_H

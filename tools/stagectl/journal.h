@@ -7,15 +7,19 @@
  *   stagectl-journal 1            first
  *   plan SECTION.KEY VALUE        the plan's identity, one line a key
  *   seen DIGEST NAME              a file that decides what the camera sees, by its contents (depends.h)
- *   anew                          all above is struck off; the plan and the files that follow are those that
- * count steps X Y                     steps/mm of the controller that it was begun with run SECONDS a run
- * begins (Unix time) begin I J                     a place begins arrived I J X Y               it stands
- * there: measured machine position, mm stopped X Y                   a run that ended early left the stage
- * standing there, mm says I J K SECONDS F ISO      what the picture of the shot that follows states of
- * itself; 0 = nothing beside I J K SIZE MTIME DIGEST TEMP NAME a file that came with the shot that follows
- * (raw beside JPEG) shot I J K SIZE MTIME DIGEST CLIP BLACK TEMP NAME exposure K is on disk under the name
- * TEMP and about to be renamed to NAME done I J                      the place is finished check I J K SHARE
- * NOISE X Y   its exposure K taken again and compared (cameracheck.h)
+ *   anew                          all above is struck off; the plan and files that follow count
+ *   steps X Y                     steps/mm of the controller that it was begun with
+ *   run SECONDS                   a run begins (Unix time)
+ *   begin I J                     a place begins
+ *   arrived I J X Y               it stands there: measured machine position, mm
+ *   stopped X Y                   a run that ended early left the stage standing there, mm
+ *   says I J K SECONDS F ISO      what the picture of the shot that follows states of itself; 0 = nothing
+ *   beside I J K SIZE MTIME DIGEST TEMP NAME
+ *                                 a file that came with the shot that follows (raw beside JPEG)
+ *   shot I J K SIZE MTIME DIGEST CLIP BLACK TEMP NAME
+ *                                 exposure K is on disk under the name TEMP and about to be renamed to NAME
+ *   done I J                      the place is finished
+ *   check I J K SHARE NOISE X Y   its exposure K taken again and compared (cameracheck.h)
  *
  * The shot is recorded, and record and file are synced, before the rename: whatever happens between the two,
  * the next run finds either the whole file under its name or the whole file under the temporary one, and the

@@ -2,7 +2,7 @@
  * plan.h - the way over the grid: order, targets, approach, travel, time and space (pure).
  *
  * Node (i, j) stands i/(n-1) of U and j/(m-1) of V from the plane's corner O; a single row or column stands
- * in the middle (contract, section 1).  Machine coordinates are mm.
+ * in the middle (docs/FORMAT.md, section 1.3).  Machine coordinates are mm.
  */
 #ifndef PLAN_H
 #define PLAN_H

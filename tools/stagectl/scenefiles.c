@@ -212,7 +212,8 @@ int scene_digest(char hex[65], const char *path, errmsg *e)
     if (bad) return -1;
     sha256_begin(&w.h);
     add_file(&w, path, 0);
-    sha256_end(&w.h, hex);
+    errmsg why;
+    w.failed |= sha256_end(&w.h, hex, &why) != 0;
     free(w.seen);
     free(w.word);
     return w.failed ? err_set(e, "%s: can't be read whole (out of memory?)", path) : 0;

@@ -37,9 +37,9 @@ int view_key(char hex[65], const fisheye *f, const camera_frame *c, const view_s
     sha256 h;
     struct stat st;
     char words[256];
+    if (scene_digest(words, s->octree, e) != 0) return -1;
     sha256_begin(&h);
     add_words(&h, magic);
-    if (scene_digest(words, s->octree, e) != 0) return -1;
     add_words(&h, words);
     if (stat(s->rtrace, &st) == 0) { /* another build of the renderer may see otherwise */
         snprintf(words, sizeof words, "%lld %lld.%09ld", (long long)st.st_size, (long long)st.st_mtim.tv_sec,
@@ -54,8 +54,7 @@ int view_key(char hex[65], const fisheye *f, const camera_frame *c, const view_s
         snprintf(words, sizeof words, "%a %a %a", c->pos[a] + 0.0, c->u[a] + 0.0, c->v[a] + 0.0);
         add_words(&h, words);
     }
-    sha256_end(&h, hex);
-    return 0;
+    return sha256_end(&h, hex, e);
 }
 
 static char *cache_path(const char *dir, const char *key, errmsg *e)
