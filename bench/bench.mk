@@ -3,6 +3,7 @@
 
 BENCH ?=
 STOCK := $(B0)/bench/stock
+STOCK_COMMON = $(filter-out abitmap%,$(RAD_COMMON)) getlibpath
 bench-render: radiance $(B)/test/ilfspeed $(B)/test/ilfcopy $(STOCK)/bin/rpict $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) bench/render/bench.py $(BENCH)
 
@@ -14,8 +15,8 @@ $(STOCK)/bin/rpict: radiance_patch/unpack.sh $(if $(RADIANCE_SRC),,$(B0)/radianc
 	@echo "  CC  unpatched rpict"
 	@printf 'char VersionID[]="unpatched";\n' >$(STOCK)/obj/Version.c
 	$(Q)cd $(STOCK)/obj && $(CC) $(OPT) -w -fcommon -std=gnu99 -DALIGNT=double -I../src/common -I../src/rt -c Version.c \
-		$(patsubst %,../src/common/%.c,$(RAD_COMMON)) $(patsubst %,../src/rt/%.c,$(RAD_RT)) $(patsubst %,../src/%.c,$(RAD_MAIN_rpict))
-	$(Q)cd $(STOCK)/obj && rm -f rest.a && ar rcs rest.a $(RAD_COMMON:%=%.o) $(RAD_RT:%=%.o) && \
+		$(STOCK_COMMON:%=../src/common/%.c) $(patsubst %,../src/rt/%.c,$(RAD_RT)) $(patsubst %,../src/%.c,$(RAD_MAIN_rpict))
+	$(Q)cd $(STOCK)/obj && rm -f rest.a && ar rcs rest.a $(STOCK_COMMON:%=%.o) $(RAD_RT:%=%.o) && \
 		$(CC) -o ../bin/rpict $(patsubst %,%.o,$(notdir $(RAD_MAIN_rpict))) Version.o rest.a -lm
 
 #?measures: bench-render    error against run time of rendering (BENCH="judged cache box smooth plain colordata single mitsuba paper lookup")

@@ -27,6 +27,9 @@ RAD_PROGRAMS := $(RAD_RENDERERS) $(RAD_OTHERS)
 RAD_MORE     += $(if $(wildcard /usr/include/X11/Xlib.h),$(RAD_MORE_X11))
 RAD_TRACERS  := $(RAD_RENDERERS) $(RAD_MORE_RENDERERS) rvu
 RAD_ALL      := $(RAD_MORE_RENDERERS) $(RAD_MORE)
+# what our patches touch; what is there of radiance-all
+RAD_PATCHED  := $(RAD_RENDERERS) oconv xform lookamb mkpmap
+RAD_BUILT     = $(notdir $(wildcard $(patsubst %,$(B)/bin/%,$(RAD_ALL) $(basename $(notdir $(RAD_SCRIPTS))))))
 
 RAD_CFLAGS := $(OPT) -w -fcommon -std=gnu99 -DALIGNT=double -MMD -MP -I$(RAD)/common -I$(RAD)/rt -Iradiance_patch -Iilfmat
 RAD_CXXFLAGS := $(OPT) -w -std=c++17 -DALIGNT=double -MMD -MP -I$(RAD)/common -I$(RAD)/rt -Iradiance_patch
