@@ -141,6 +141,8 @@ markilf(			/* note that surface shows light field */
 	ILFMAT  *ip = getilf(m);
 	int  ns;
 
+	if (ilflist.unwanted != NULL)
+		objerror(m, USER, ilflist.unwanted);
 	if (photonMapping && !pl->sp->warned++)
 		objerror(m, WARNING, "no photons come from a light field");
 	pl->sp->nsurf++;
@@ -282,12 +284,11 @@ markilfs(			/* find all surfaces that show light fields */
 
 
 void
-noilfs(				/* refuse light fields that surfaces show */
-	const char  *why
+noilfs(				/* refuse light fields that markilfs() finds */
+	char  *why
 )
 {
-	if (ilflist.shown != NULL)
-		objerror(ilflist.shown->m, USER, (char *)why);
+	ilflist.unwanted = why;
 }
 
 
