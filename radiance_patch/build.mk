@@ -68,7 +68,7 @@ $(RADOBJ)/%.o: $(RAD)/%.cpp $(B)/flags/radiance++ | $(RAD)/.patched $(B0)/.debs-
 	@mkdir -p $(@D)
 	@echo "  CXX $*.cpp"
 	$(Q)$(CXX) $(RAD_CXXFLAGS) -c -o $@ $<
-$(RADOBJ)/px/ra_tiff.o $(RADOBJ)/px/normtiff.o: | $(B0)/.debs-radiance6
+$(RADOBJ)/px/ra_tiff.o: | $(B0)/.debs-radiance6
 $(RADOBJ)/%.o: $(B)/flags/radiance | $(RAD)/.patched
 	@mkdir -p $(@D)
 	@echo "  CC  $*.c"

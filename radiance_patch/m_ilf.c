@@ -329,7 +329,7 @@ ilfdirect(			/* add direct part of light fields */
 {
 	ILFHOST  me = {NULL, r, f, p};
 	ilf_host  host = {ilfrandom, ilflobe, ilfshadow, ilfglint, auxhit,
-				sizeof(SCOLOR), (void *)&me};
+				NCSAMP*sizeof(COLORV), (void *)&me};
 	ilf_point  pt;
 	ilf_error  err;
 	ILFMAT  *ip;

@@ -111,7 +111,11 @@ RAD_MAIN_evalglare := util/evalglare util/pictool
 RAD_MAIN_findglare := util/findglare util/glareval util/glaresrc util/setscan
 RAD_MAIN_glarendx  := util/glarendx
 RAD_MAIN_dcglare   := util/dcglare util/cmglare $(RAD_MTX)
-RAD_MAIN_dctimestep := util/dctimestep util/threadpool util/tinycthread util/cmmap util/cmatrixalign $(RAD_MTX)
+RAD_MAIN_dctimestep := util/dctimestep util/threadpool util/tinycthread util/cmmap util/cmatrixalign util/mmavx2 $(RAD_MTX)
+# it asks the processor before it calls what is in there
+ifeq ($(shell uname -m),x86_64)
+$(B)/radiance/obj/util/mmavx2.o: RAD_CFLAGS += -mavx2 -mfma
+endif
 RAD_MAIN_getbbox   := ot/bbox ot/getbbox ot/init2otypes ot/readobj2
 RAD_MAIN_genssky   := gen/genssky gen/sun gen/atmos
 RAD_MAIN_gensdaymtx := gen/gensdaymtx gen/sun gen/atmos gen/loadEPW
@@ -137,8 +141,6 @@ RAD_MAIN_ra_t16    := px/ra_t16
 RAD_MAIN_ra_t8     := px/ra_t8 px/clrtab px/neuclrtab
 RAD_MAIN_ra_tiff   := px/ra_tiff
 RAD_LIBS_ra_tiff   := -ltiff
-RAD_MAIN_normtiff  := px/normtiff
-RAD_LIBS_normtiff  := -ltiff
 RAD_MAIN_arch2rad  := cv/arch2rad cv/trans
 RAD_MAIN_nff2rad   := cv/nff2rad
 RAD_MAIN_lampcolor := cv/lampcolor
@@ -162,7 +164,7 @@ RAD_MORE_X11       := rvu ximage xshowtrace xglaresrc
 RAD_MORE           := rad rpiece ranimate rfluxmtx vwright rcrop rcollate rttree_reduce radcompare rcode_depth rcode_norm rcode_ident \
 	pvsum wrapBSDF eplus_adduvf evalglare findglare glarendx dcglare dctimestep getbbox genssky gensdaymtx gendaymtx genglaze \
 	genblinds genclock neaten rsplit tabfunc pcwarp macbethcal pmblur2 psketch ttyimage ra_bmp ra_gif ra_hexbit ra_pict ra_ps ra_rgbe \
-	ra_t16 ra_t8 ra_tiff normtiff arch2rad nff2rad lampcolor tmesh2rad robjutil mgf2rad rad2mgf mgfilt mgf2inv bsdf2rad bsdf2ttree bsdf2klems \
+	ra_t16 ra_t8 ra_tiff arch2rad nff2rad lampcolor tmesh2rad robjutil mgf2rad rad2mgf mgfilt mgf2inv bsdf2rad bsdf2ttree bsdf2klems \
 	bsdfquery bsdfpeaks pkgBSDF checkBSDF epw2wea
 RAD_SCRIPTS        := util/genBSDF.pl util/bsdfview.pl util/genambpos.pl util/genklemsamp.pl util/genskyvec.pl util/ltpict.pl \
 	util/ltview.pl util/objpict.pl util/objview.pl util/rcode2bmp.pl util/rtpict.pl util/compamb.csh util/dayfact.csh util/fieldcomb.csh \
