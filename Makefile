@@ -91,7 +91,7 @@ PARTS = $(filter %.o %.a,$^)
 DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
 DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev libssl-dev libjansson-dev \
 	libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
-DEBS_TEST     := gphoto2
+DEBS_TEST     := gphoto2 openexr pkg-config
 deps: deps-radiance deps-tools deps-test
 deps-radiance: $(B0)/.debs-radiance
 deps-tools: $(B0)/.debs-tools
@@ -200,7 +200,7 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 # ---- the main job, tests, measurements -------------------------------------------------------------
 -include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
--include report/report.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
+-include report/report.mk tests/radiance_patch/stock.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
 -include docs/docs.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
@@ -224,7 +224,7 @@ TEST_ARGS ?=
 # files of tests side by side
 TEST_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 test: $(B0)/.debs-test all $(TEST_DRIVERS) $(VENV)/.packages
-	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile tests $(TEST_ARGS)
+	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder tests $(TEST_ARGS)
 
 # the programs that our patches touch, in a build folder beside another Radiance's that lends the rest
 .PHONY: test-renderers

@@ -6,6 +6,7 @@ The photographs and calibration pictures of the chapter on real cameras are thos
 import argparse
 import os
 import re
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -110,6 +111,8 @@ def main():
     first["probe.exr"] = exr(work / "probe.exr")
     subprocess.run(["bash", "-c", 'set -eu; eval "$(make -s env)"; cd build/tutorial\n' + whole[cut:]], cwd=TOP, env=env, check=True)
     draw(work, a.pictures.resolve(), first)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    print(f"  the commands took {used.ru_utime + used.ru_stime:.0f} s of the CPU")
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ RAD        := $(B)/radiance/src
 RADOBJ     := $(B)/radiance/obj
 
 # ---- which Radiance: known when its tree lies there ----
-RAD_SERIES := 5.4a
+RAD_VERSION := 5.4a
 # Make brings the tree up to date before it looks at any file in it: what a patch does not change keeps its date, and its object.
 ifneq ($(if $(filter-out clean help env,$(or $(MAKECMDGOALS),all)),$(RADIANCE_SRC)$(wildcard $(RAD)/.patched)),)
 include $(RAD)/.patched
@@ -21,7 +21,8 @@ endif
 # RAD_COMMON, RAD_RT: the libraries rtrad and radiance.  RAD_MAIN_X, RAD_LIBS_X: what program X has besides.  RAD_CXX: those in C++.
 # RAD_RENDERERS: programs that trace rays; RAD_OTHERS: the rest.  RAD_EXTRA: programs of the library package, which know no object types.
 # RAD_MORE...: what radiance-all adds.  RAD_SCRIPTS, RAD_FILES: scripts and function files of a whole tree.
-include radiance_patch/$(RAD_SERIES)/sources.mk
+include radiance_patch/$(RAD_VERSION)/sources.mk
+RAD_SERIES   := $(shell sed 's,^,radiance_patch/$(RAD_VERSION)/,' radiance_patch/$(RAD_VERSION)/series)
 RAD_PROGRAMS := $(RAD_RENDERERS) $(RAD_OTHERS)
 # those with windows are built where X11's headers are
 RAD_MORE     += $(if $(wildcard /usr/include/X11/Xlib.h),$(RAD_MORE_X11))
@@ -58,7 +59,7 @@ $(RAD_ORIGIN):
 	@echo '$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(RAD_SDIST))' > $@
 
 $(RAD)/.patched: $(wildcard radiance_patch/*/series radiance_patch/*/*.patch) radiance_patch/unpack.sh $(RAD_ORIGIN) $(if $(RADIANCE_SRC),,$(B0)/radiance/sdist.tar.gz) | $(B0)/.debs-radiance
-	@series=$$(sh radiance_patch/unpack.sh "$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(B0)/radiance/sdist.tar.gz)" $(RAD)) && echo "RAD_SERIES := $$series" >$@
+	@series=$$(sh radiance_patch/unpack.sh "$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(B0)/radiance/sdist.tar.gz)" $(RAD)) && echo "RAD_VERSION := $$series" >$@
 
 # ---- objects ----
 # what a whole tree of today wants besides

@@ -1,7 +1,7 @@
 #!/bin/sh
-# Lay out Radiance's src tree in OUT and patch it: unpack.sh ARCHIVE-OR-FOLDER OUT [unpatched]
-# Its own VERSION says which series of patches it gets, a folder beside this script; the series' name goes to standard output.
-# Where OUT is there already, files that come out the same keep their dates.
+# Lay out Radiance's src tree in OUT and patch it: unpack.sh ARCHIVE-OR-FOLDER OUT [SERIES]
+# Its own VERSION says which patches it gets, those of a folder beside this script, whose name goes to standard output.  SERIES: another
+# list of them than the folder's own (/dev/null: none).  Where OUT is there already, files that come out the same keep their dates.
 set -eu
 here=$(dirname "$0")
 supported='5.4a (October 2021 to September 2023) or 6.1a (August 2026)'
@@ -49,11 +49,11 @@ case $version in
 *" 6.1a"*) series=6.1 ;;
 *) refuse "$1: expected Radiance $supported, found \"$version\"" "$2" ;;
 esac
-while [ "${3:-}" != unpatched ] && read -r p; do
+while read -r p; do
     # one that fails halfway leaves nothing, and says it in one line
     patch -s -p1 -r - -d "$2.new" <"$here/$series/$p" >"$2.new/log" 2>&1 ||
         refuse "$1: expected Radiance $supported, found \"$version\", rt/source.c ${revision:-of no known revision}: $series/$p does not apply" "$2"
-done <"$here/$series/series"
+done <"${3:-$here/$series/series}"
 rm -f "$2.new/log"
 if [ -d "$2" ]; then
     (cd "$2.new" && find . -type f) | while IFS= read -r f; do

@@ -14,7 +14,7 @@ REPORT_SIZE     ?= 64x48
 REPORT_FROM     := $(or $(FIG),$(B0)/figures)
 REPORT_READS    := $(if $(filter figures,$(REPORT_SECTIONS)),\
                      $(foreach f,$(REPORT_FIGURES),$(foreach p,photo with_room with_single mask,$(REPORT_FROM)/$(f)/$(p).hdr)))
-REPORT_SCENES   := $(wildcard scenes/demo/* scenes/figure12/* scenes/models/*.py) scenes/compare.py scenes/pictures.py $(TIMED)
+REPORT_SCENES   := $(wildcard scenes/demo/* scenes/figure12/* scenes/models/*.py) scenes/compare.py scenes/pictures.py scenes/rgbe.py $(TIMED)
 
 .PHONY: report report-clean
 report: $(REPORT)/index.html

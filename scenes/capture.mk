@@ -1,6 +1,7 @@
 # From a capture session to its light field:
 #
-#   make -C scenes CAPTURE=SESSION.conf [-j N] [QUIET=--quiet] [ANEW=1|changed]
+#   make -C scenes CAPTURE=SESSION.conf [-j N] [QUIET=--quiet] [ANEW=1|changed]              in the source tree
+#   make -f PREFIX/share/ilf/chain/capture.mk CAPTURE=SESSION.conf ...                       as installed
 #
 #   SESSION.conf ──stagectl capture──► PLACE/*.png, times.txt ──hdrgen──► PLACE/fisheye.exr ──fishremap──► PLACE/probe.exr
 #       ──ilfpack──► room.ilf.exr
@@ -21,21 +22,24 @@ MAKEFLAGS   += --no-builtin-rules
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := light_field
 
-ROOT    := $(abspath $(dir $(lastword $(MAKEFILE_LIST)))/..)
+CHAIN   := $(abspath $(dir $(lastword $(MAKEFILE_LIST))))
+ROOT    := $(abspath $(CHAIN)/..)
+# the source tree's programs, or those of the installation that this file belongs to: there under their own names
+INSTALLED := $(wildcard $(CHAIN)/../../../lib/ilf/bin)
 BUILD   ?= $(ROOT)/build
-BIN     := $(abspath $(BUILD))/bin
-DIGEST  := $(abspath $(BUILD))/digest
+BIN     := $(abspath $(or $(INSTALLED),$(BUILD)/bin))
 DIGESTED := stagectl hdrgen fishremap ilfpack virtualcamera rtrace
 QUIET   ?=
 CAPTURE ?=
-SESSION := $(abspath $(firstword $(wildcard $(CAPTURE) $(ROOT)/$(CAPTURE))))
+SESSION := $(abspath $(firstword $(wildcard $(CAPTURE) $(if $(INSTALLED),,$(ROOT)/$(CAPTURE)))))
 ifeq ($(and $(CAPTURE),$(SESSION)),)
 $(error expected CAPTURE=SESSION.conf, a session file$(if $(CAPTURE),: $(CAPTURE) is not there))
 endif
 
 # function files and meshes that several scenes share stand behind the session's own
 export PATH    := $(BIN):$(PATH)
-export RAYPATH := .:$(dir $(SESSION)):$(abspath $(BUILD))/lib:$(ROOT)/build/lib:$(ROOT)/scenes/studio:$(ROOT)/build/models:$(or $(RAYPATH),/usr/local/lib/ray)
+OURS    := $(if $(INSTALLED),$(abspath $(INSTALLED)/../../ray),$(abspath $(BUILD))/lib:$(ROOT)/build/lib:$(ROOT)/scenes/studio:$(ROOT)/build/models)
+export RAYPATH := .:$(dir $(SESSION)):$(OURS):$(or $(RAYPATH),/usr/local/lib/ray)
 
 get = $(shell $(BIN)/stagectl get $(SESSION) $(1))
 TIMES := $(shell $(BIN)/stagectl list $(SESSION))
@@ -44,6 +48,7 @@ $(error $(SESSION): see above)
 endif
 HERE    := $(dir $(SESSION))
 FOLDER  := $(call get,output.folder)
+DIGEST  := $(if $(INSTALLED),$(abspath $(FOLDER))/.digest,$(abspath $(BUILD))/digest)
 LIGHT   := $(FOLDER)/$(call get,chain.light_field)
 LIST    := $(notdir $(firstword $(TIMES)))
 PLACES  := $(patsubst %/,%,$(dir $(TIMES)))
@@ -58,7 +63,7 @@ PORT    := $(call get,stage.port)
 .PHONY: light_field capture
 light_field: $(LIGHT)
 capture: $(FOLDER)/.captured
-include $(ROOT)/scenes/rules.mk
+include $(CHAIN)/rules.mk
 
 # ---- what the camera sees: built anew each time, for who knows what `before` depends on; the digests of the files that its view
 # depends on stand in a file that is touched only when they change.
@@ -74,7 +79,7 @@ $(FOLDER)/.seen: $(if $(CAMERA_PROGRAMS),$(FOLDER)/camera.programs) FORCE
 # ---- capture: one process, resumed as long as a place is missing or the session file or the room has changed ---------
 # A program that runs beside it (a virtual stage) is ended with it; its port is waited for.  In a process group of its own
 # it is spared the Ctrl-C that tells stagectl to hold the stage.
-include $(ROOT)/scenes/twin.mk
+include $(CHAIN)/twin.mk
 $(FOLDER)/.captured: $(SESSION) $(FOLDER)/.seen $(VIEWS_DONE) $(if $(MISSING)$(filter-out changed,$(ANEW)),FORCE)
 	@mkdir -p $(@D)
 	@cd $(HERE); stagectl plan $(SESSION) >/dev/null

@@ -79,7 +79,7 @@ exposures = $($(1)_TIMES)
 lens = $(firstword $($(1)_LENS))
 fov = $(lastword $($(1)_LENS))
 command = virtualcamera --quiet --octree $(abspath $($(1)_STAGE)) --plane "{plane}" --at {x},{y} --lens {lens} --fov {fov} --seconds {seconds}
-  $($(1)_CAMERA) --falloff $(abspath $($(1)_FALLOFF)) --cache views/{i}_{j}
+  $($(1)_CAMERA) --falloff $(abspath $($(1)_FALLOFF)) --response srgb --cache views/{i}_{j}
   --render-options "$($(1)_LIGHT) -af views/{i}_{j}/room.amb" -o {file}
 depends = $(abspath $($(1)_STAGE) $($(1)_FALLOFF)) camera.programs
 file_mb = $(if $(BIG),1.5,0.1)

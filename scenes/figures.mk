@@ -139,12 +139,12 @@ $(MODELS)/branch.obj: scenes/models/branch.py | $(VENV)/.packages
 # $(call compared,NAME,TITLE,WHAT THE LIGHT FIELD IS,WHAT THE SINGLE PROBE IS)
 define compared
 $(FIG)/$(1)/figure.png: $(FIG)/$(1)/photo.hdr $(FIG)/$(1)/with_room.hdr $(FIG)/$(1)/with_single.hdr $(FIG)/$(1)/mask.hdr \
-        $(FIG)/$(1)/room.mosaic.png scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+        $(FIG)/$(1)/room.mosaic.png scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --reference "(a) Photograph: the room itself=$(FIG)/$(1)/photo.hdr" \
 	    --picture "(b) Incident light field$(,) $(3)=$(FIG)/$(1)/with_room.hdr" \
 	    --picture "(c) Single probe$(,) $(4)=$(FIG)/$(1)/with_single.hdr" --mask $(FIG)/$(1)/mask.hdr --title "$(2)" \
 	    --extra "the light field: each rectangle a probe=$(FIG)/$(1)/room.mosaic.png" --csv $(FIG)/$(1)/errors.csv -o $$@
-$(FIG)/$(1)/shift.csv: $(FIG)/$(1)/photo.hdr $(FIG)/$(1)/with_room.hdr $(FIG)/$(1)/mask.hdr scenes/shift.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+$(FIG)/$(1)/shift.csv: $(FIG)/$(1)/photo.hdr $(FIG)/$(1)/with_room.hdr $(FIG)/$(1)/mask.hdr scenes/shift.py scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/shift.py --reference $(FIG)/$(1)/photo.hdr --mask $(FIG)/$(1)/mask.hdr \
 	    --picture "Incident light field=$(FIG)/$(1)/with_room.hdr" -o $$@
 endef
@@ -153,7 +153,7 @@ $(eval $(call compared,figure11,Figure 11: a yellow spotlight and a blue light b
 $(eval $(call compared,figure12,Figure 12: dappled light under a branch,$(figure12_NU) × $(figure12_NV) probes,the middle one))
 
 # ---- figures 4 to 7 --------------------------------------------------------------------------------------
-$(FIG)/figure04.png: $(FIG)/figure10/room.mosaic.png $(FIG)/figure10/spheres.exr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+$(FIG)/figure04.png: $(FIG)/figure10/room.mosaic.png $(FIG)/figure10/spheres.exr scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --pane 520 --title "Figure 4: an array of 12 × 12 mirror spheres$(,) and the light field from it" \
 	    --show "Photograph|$(words $(figure10_TIMES)) exposures merged$(,) 1/16384 s to 2 s=$(FIG)/figure10/spheres.exr@3" \
 	    --show "The spheres found|circles drawn by fishremap --overlay=$(FIG)/figure10/overlay.png" \
@@ -170,11 +170,11 @@ $(eval $(call fisheye_session,exposures))
 $(eval $(call capture,exposures,capture))
 SERIES := $(FIG)/exposures/nodes/0_0/times.txt
 $(SERIES): $(FIG)/exposures/.taken ;+
-$(FIG)/figure05.png: $(SERIES) scenes/plots.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+$(FIG)/figure05.png: $(SERIES) scenes/plots.py scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/plots.py strip --times $< --title "Figure 5: sixteen exposures of one place$(,) by the virtual fisheye" -o $@
-$(FIG)/figure06.png: $(FALLOFF)/measured.txt scenes/plots.py scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+$(FIG)/figure06.png: $(FALLOFF)/measured.txt scenes/plots.py scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/plots.py falloff --measured $< --true scenes/demo/lens_falloff.txt \
 	    --title "Figure 6: the lens's falloff$(,) measured with one source at $(words $(FALLOFF_ANGLES)) angles" -o $@
-$(FIG)/figure07.png: $(FIG)/figure12/room.mosaic.png scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+$(FIG)/figure07.png: $(FIG)/figure12/room.mosaic.png scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --pane 1200 --title "Figure 7: high-fidelity light field" \
 	    --show "$(figure12_NU) × $(figure12_NV) probes of $(figure12_PROBE)|the dappled light of figure 12=$<" -o $@

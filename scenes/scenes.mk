@@ -56,7 +56,7 @@ demo_LIGHT_photo := -ab 2 -aa .15 -ad 512 -as 128 -ar 64 -ds .05 -dj .8 -dt 0 -d
 demo_LIGHT_with  := $(PICT_ILF) -ad $(DEMO_AD)
 $(eval $(call light_field_pictures,demo))
 
-$(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+$(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --reference "Photograph: the room itself=$(DEMO)/photo.hdr" \
 	    --picture "Incident light field, $(demo_NU) × $(demo_NV) probes=$(DEMO)/with_room.hdr" \
 	    --picture "Single probe=$(DEMO)/with_single.hdr" --mask $(DEMO)/mask.hdr \
@@ -95,7 +95,7 @@ $(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(OUT
 $(OUT_OFFICE)/office.hdr: $(OUT_OFFICE)/office.big.hdr $(call made_by,pfilt)
 	@$(ILF_ENV) $(HALVE) $< > $@.part
 	@mv $@.part $@
-$(DEMO)/office.png: $(OUT_OFFICE)/office.hdr scenes/compare.py scenes/pictures.py | $(VENV)/.packages
+$(DEMO)/office.png: $(OUT_OFFICE)/office.hdr scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --title "Real photographs to a rendered picture" \
 	    --show "One of $(words $(OFFICE_IMAGES)) photographs|fisheye, looking into the room=$(word $(shell echo $$((($(words $(OFFICE_IMAGES)) + 1) / 2))),$(OFFICE_IMAGES))" \
 	    --show "The probe|latitude/longitude, pole in the top row=$(OUT_OFFICE)/probe.exr@6" \

@@ -15,10 +15,10 @@ ifneq ($(VIEWS),)
 AMBIENT     := $(patsubst /%,%,$(call word_after,-af,2))
 upto         = $(shell seq 0 $$(($(1) - 1)))
 VIEWS_DONE  := $(foreach j,$(call upto,$(lastword $(subst x, ,$(NODES)))),$(foreach i,$(call upto,$(firstword $(subst x, ,$(NODES)))),$(VIEWS)/$(i)_$(j)/done))
-see          = @sh $(ROOT)/scenes/view.sh $(SESSION)
+see          = @sh $(CHAIN)/view.sh $(SESSION)
 
 $(eval $(call settings,$(FOLDER)/.views,$(COMMAND); $(PLANE) $(call get,camera.lens) $(call get,camera.fov)))
-VIEWS_FROM  := $(FOLDER)/.seen $(FOLDER)/.views $(ROOT)/scenes/view.sh
+VIEWS_FROM  := $(FOLDER)/.seen $(FOLDER)/.views $(CHAIN)/view.sh
 
 ifneq ($(AMBIENT),)
 $(VIEWS)/$(AMBIENT): $(VIEWS_FROM)

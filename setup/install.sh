@@ -42,6 +42,18 @@ put 644 ilfmat/ilf.h "$dest/include/ilf.h"
     mkdir -p "$(dirname "$ray/$f")"
     put 644 "$build0/lib/$f" "$ray/$f"
 done
+# the chain from a session to its light field, a session to begin with, and our programs under the names that both use
+mkdir -p "$dest/share/ilf/chain" "$dest/share/ilf/example" "$dest/lib/ilf/bin"
+for f in capture.mk rules.mk twin.mk view.sh digest.sh; do put 644 "scenes/$f" "$dest/share/ilf/chain/$f"; done
+put 644 scenes/capture/room.rad "$dest/share/ilf/example/room.rad"
+sed -e 's,\.\./\.\./build/capture,out,g' -e 's,make -C scenes CAPTURE=.*,make -f PREFIX/share/ilf/chain/capture.mk CAPTURE=session.conf   (in a copy of this folder),' \
+    scenes/capture/session.conf >"$build0/session.part"
+put 644 "$build0/session.part" "$dest/share/ilf/example/session.conf"
+rm -f "$build0/session.part"
+for p in "$@"; do
+    [ "$p" != -- ] || mark=
+    [ "$p" = -- ] || ln -sf "../../../bin/$mark$p" "$dest/lib/ilf/bin/$p"
+done
 put 644 LICENSE "$doc/LICENSE"
 [ ! -f "$build/radiance/src/License.txt" ] || put 644 "$build/radiance/src/License.txt" "$doc/Radiance-License.txt"
 for f in "$build0"/doc/*; do [ ! -f "$f" ] || put 644 "$f" "$doc/$(basename "$f")"; done

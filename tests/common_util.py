@@ -9,6 +9,7 @@ import zlib
 
 import numpy as np
 import OpenEXR
+from process import execute
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "scenes"))
 from rgbe import values as value_of  # noqa: E402,F401
@@ -21,12 +22,11 @@ os.environ["ASAN_OPTIONS"] = "allocator_may_return_null=1:" + os.environ.get("AS
 
 
 def run(program, *args, **kw):
-    """The finished process; a hang or a signal is a failure of its own kind."""
-    kw.setdefault("timeout", 60)
+    """The finished process."""
     kw.setdefault("stdin", subprocess.DEVNULL)
     if "input" in kw:
         del kw["stdin"]
-    return subprocess.run([str(program), *map(str, args)], capture_output=True, **kw)
+    return execute([str(program), *map(str, args)], capture_output=True, **kw)
 
 
 def refused(p, code=1):

@@ -3,13 +3,16 @@
 ILF_BUILD names the build folder, relative to the project's top (default: build), ILF_SHARED the
 folder with the real photographs (default: ../shared).
 """
+import ctypes
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 import pytest
+from process import execute
 
 TOP = Path(__file__).resolve().parent.parent
 BUILD = (TOP / os.environ.get("ILF_BUILD", "build")).resolve()
@@ -18,6 +21,10 @@ SHARED = (TOP / os.environ.get("ILF_SHARED", "../shared")).resolve()
 # what one room's tests offer others', whichever file is collected first
 sys.path += [str(f) for f in sorted((TOP / "tests").iterdir()) if f.is_dir()]
 FETCHED = TOP / "build" / "bin"     # programs that are fetched, not built, lie here for SAN=1 too
+
+# Radiance seeds rough highlights with an address; where it is the same in each run (personality(2)), so are the pictures.
+ADDR_NO_RANDOMIZE = 0x0040000
+ctypes.CDLL(None).personality(ADDR_NO_RANDOMIZE)
 
 # Radiance's own programs leave their memory to the system; a leak is an error in ours alone.
 HOST = set("""rpict rtrace rcontrib lookamb oconv xform gendaylit pfilt pcomb pcompos pvalue getinfo vwrays rcalc cnt
@@ -28,13 +35,31 @@ def pytest_configure(config):
     config.addinivalue_line("markers", "sweep: the same comparison on many more rays; set ILF_SWEEP=1 to run it")
 
 
+# The dearest files, most seconds first: begun first, so that workers side by side end together.
+DEAREST = """test_radiance_di test_ilf_sampling test_common_hostile test_stagectl test_ilf_eval test_radiance_ilf test_exr_matrix
+    test_radiance_surfaces test_radiance_lamps""".split()
+
+
 def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: DEAREST.index(item.path.stem) if item.path.stem in DEAREST else len(DEAREST))
     if os.environ.get("ILF_SWEEP"):
         return
     skip = pytest.mark.skip(reason="a long sweep: set ILF_SWEEP=1 to run it")
     for item in items:
         if "sweep" in item.keywords:
             item.add_marker(skip)
+
+
+def sweep(compare, inputs):
+    """One comparison on many inputs, as one test: all are tried, and those that fail are named."""
+    wrong = []
+    for x in inputs:
+        try:
+            compare(*x)
+        except (AssertionError, pytest.fail.Exception) as e:
+            wrong.append(f"{', '.join(map(str, x))}: {' '.join(str(e).split())[:300]}")
+    if wrong:
+        pytest.fail(f"{len(wrong)} of {len(inputs)} inputs fail:\n" + "\n".join(wrong), pytrace=False)
 
 
 def shared_data(name):
@@ -84,18 +109,39 @@ def command(program, args):
     path = BIN / program
     if not path.is_file() and not (FETCHED / program).is_file():
         pytest.fail(f"{program} is not built: run make first")
-    return [str(path if path.is_file() else FETCHED / program), *map(str, args)]
+    return [str(path if path.is_file() else FETCHED / program), *seeded(program, args)]
 
 
-def run(program, *args, stdin=b"", cwd=None, code=0, timeout=120, env=None):
+def driver(name):
+    """A program or library that `make test` builds for the tests; it is a failure if it is not there."""
+    path = BUILD / "test" / name
+    if not path.is_file():
+        pytest.fail(f"the test driver {name} is not built: run make test")
+    return path
+
+
+def needed(*programs):
+    """The test fails unless these are found as a user's shell would find them."""
+    missing = [p for p in programs if not shutil.which(p, path=environment()["PATH"])]
+    if missing:
+        pytest.fail(f"not found: {' '.join(missing)} (make builds it, or make deps-test installs it)")
+
+
+def seeded(program, args):
+    """As words; rtrace and rcontrib, which would take their random numbers from the clock, get a seed unless -u... names another."""
+    words = [str(a) for a in args]
+    return ["-us", "1", *words] if program in ("rtrace", "rcontrib") and not any(w.startswith("-u") for w in words) else words
+
+
+def run(program, *args, stdin=b"", cwd=None, code=0, env=None):
     """Run one of our programs; fail unless it ends with `code` (None: any code but a signal)."""
     if isinstance(stdin, str):
         stdin = stdin.encode()
     env = dict(env or environment())
     if program in HOST:
         env.setdefault("ASAN_OPTIONS", "detect_leaks=0")
-    p = subprocess.run(command(program, args), input=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=cwd,
-                       timeout=timeout, env=env)
+    p = execute(command(program, args), input=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=cwd,
+                env=env)
     result = Result([program, *map(str, args)], p.returncode, p.stdout, p.stderr.decode("utf-8", "replace"))
     if p.returncode < 0:
         pytest.fail(f"killed by signal {-p.returncode}: {result!r}")
@@ -115,15 +161,15 @@ with open(sys.argv[1], "w") as f:
 """
 
 
-def run_measured(program, *args, stdin=b"", cwd=None, code=0, timeout=120):
+def run_measured(program, *args, stdin=b"", cwd=None, code=0):
     """As run(), and the process's peak resident memory in bytes.
 
     A child inherits its parent's peak across fork, so a small interpreter stands between.
     """
     with tempfile.NamedTemporaryFile("r") as note:
-        p = subprocess.run([sys.executable, "-ISc", MEASURE, note.name, *command(program, args)], cwd=cwd, timeout=timeout,
-                           input=stdin.encode() if isinstance(stdin, str) else stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                           env=environment())
+        p = execute([sys.executable, "-ISc", MEASURE, note.name, *command(program, args)], cwd=cwd,
+                    input=stdin.encode() if isinstance(stdin, str) else stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                    env=environment())
         peak, ended = map(int, note.read().split())
     result = Result([program, *map(str, args)], ended, p.stdout, p.stderr.decode("utf-8", "replace"))
     if ended != code:

@@ -9,10 +9,10 @@ here (turned by 90 degrees twice), and as the probe is the sphere seen from insi
 import os
 import resource
 import shutil
-import subprocess
 import time
 
 import numpy as np
+from process import execute
 
 try:
     import cv2
@@ -51,7 +51,7 @@ def opencv(how, n):
 def child_ms(*args):
     """CPU of a program, user and system; its output only if it fails."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run([str(a) for a in args], capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"}, timeout=120)
+    done = execute([str(a) for a in args], capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"})
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:
         raise RuntimeError(f"{args[0]}: {done.stderr.strip() or done.stdout.strip()}")

@@ -13,7 +13,10 @@ import tty
 import zlib
 from pathlib import Path
 
+import pytest
+
 from conftest import command, environment
+from process import WALL, Process
 
 # A camera that leaves a picture of its own each time: twelve random bytes as four pixels.
 UNIQUE = """#!/bin/sh
@@ -41,12 +44,16 @@ def asking_camera(folder, stage, words):
     return f"{PYTHON} {script(folder, ASKING, 'asking.py')} {stage.truth_path} {folder}/where {words} {{file}}"
 
 
+# Seconds within which a program reports what it need not wait for.  Unloaded it takes one or two; a busy machine may stretch that.
+SOON = 60
+
+
 class Stage:
     """virtualstage on a pty, ended with the block."""
 
     def __init__(self, folder, *args, factor=200):
         self.port, self.truth_path = Path(folder) / "port", Path(folder) / "truth"
-        self.process = subprocess.Popen(
+        self.process = Process(
             command("virtualstage", ["--link", self.port, "--truth", self.truth_path, "--time-factor", factor, *args]),
             stdout=subprocess.PIPE, env=environment())
         self.process.stdout.readline()
@@ -57,7 +64,7 @@ class Stage:
     def __exit__(self, *_):
         self.process.send_signal(signal.SIGCONT)
         self.process.terminate()
-        self.process.wait(10)
+        self.process.wait()
         self.process.stdout.close()
 
     def truth(self):
@@ -66,8 +73,8 @@ class Stage:
             s.connect(str(self.truth_path))
             return tuple(map(float, s.makefile().readline().split()))
 
-    def wait_moving(self, seconds=10):
-        end = time.monotonic() + seconds
+    def wait_moving(self):
+        end = time.monotonic() + WALL
         while self.truth()[2] == 0:
             assert time.monotonic() < end, "the stage never moved"
 
@@ -161,7 +168,7 @@ def script(folder, text, name="camera.sh"):
 DEFAULTS = {
     "grid": {"nodes": "3x2", "plane": "0 0 0  0.2 0 0  0 0.1 0"},
     "stage": {"unit_mm": 1000, "origin": "-500 -400", "feed": 6000, "settle": 0.05},
-    "camera": {"exposures": "0.25 1", "timeout": 10, "kill_after": 0.3, "retries": 0},
+    "camera": {"exposures": "0.25 1", "timeout": 600, "kill_after": 0.3, "retries": 0},
     "output": {"folder": "out", "file": "{i:03}_{j:03}/{k:02}.ppm"},
 }
 
@@ -182,14 +189,14 @@ class Run:
     """stagectl in the background."""
 
     def __init__(self, *args, cwd=None):
-        self.process = subprocess.Popen(command("stagectl", args), stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=cwd,
-                                        env=environment())
+        self.process = Process(command("stagectl", args), stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=cwd,
+                               env=environment())
 
     def kill(self, sig):
         self.process.send_signal(sig)
 
-    def end(self, timeout=60):
-        out, err = self.process.communicate(timeout=timeout)
+    def end(self):
+        out, err = self.process.communicate()
         assert b"Sanitizer" not in err and b"runtime error" not in err, err
         return self.process.returncode, out.decode(), err.decode()
 
@@ -211,3 +218,15 @@ def shots(folder):
 
 def pictures(folder):
     return sorted(str(p.relative_to(folder)) for p in Path(folder).rglob("*.p[pn][mg]"))
+
+
+@pytest.fixture
+def fake():
+    made = []
+
+    def make(**quirks):
+        made.append(FakeGrbl(**quirks))
+        return made[-1]
+    yield make
+    for g in made:
+        g.close()

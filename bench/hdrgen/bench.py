@@ -21,6 +21,7 @@ import OpenEXR
 TOP = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(TOP / "bench" / "hdrgen"))
 import align  # noqa: E402
+import flare  # noqa: E402
 from series import expose, f_bump, f_srgb, make_series, scene, write_png, write_times  # noqa: E402
 
 HDRGEN = (TOP / os.environ.get("ILF_BUILD", "build") / "bin" / "hdrgen").resolve()
@@ -242,7 +243,7 @@ def real(work, shared):
 def moved(work, shared):
     """The alignment table over the real series that are there."""
     sets = {}
-    for name, folder, extra in (("memorial", "bracket_memorial_church", []), ("window", "bracket_window_nikon_e995", []),
+    for name, folder, extra in (("memorial", "bracket_memorial_church", ["--fill", "0,0,255"]), ("window", "bracket_window_nikon_e995", []),
                                 ("office", "fisheye_bracket_office_canon5d2_8mm", [])):
         data = shared / "data" / folder
         if not data.is_dir():
@@ -264,7 +265,8 @@ def main():
     person, lamps = moving_person(work), coloured_lamps(work)
     result = real(work, args.shared.resolve())
     motion = moved(work, args.shared.resolve())
-    (work / "bench.json").write_text(json.dumps(dict(synthetic=rows, person=person, lamps=lamps, real=result, moved=motion), indent=1, default=float))
+    veil = flare.table(work, HDRGEN)
+    (work / "bench.json").write_text(json.dumps(dict(synthetic=rows, person=person, lamps=lamps, real=result, moved=motion, flare=veil), indent=1, default=float))
 
 
 if __name__ == "__main__":

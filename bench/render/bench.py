@@ -25,6 +25,7 @@ from ilf_util import PI, ILF, unit, write_ilf  # noqa: E402
 import render_scene as rs  # noqa: E402
 
 OUT = TOP / "build" / "bench"
+STOCK = BUILD / "test" / "stock" / "bin" / "rpict"
 FIELDS = "section method options cpu_s wall_s peak_mb rmse bias max_over_rmse seconds_literal ratio command".split()
 EXACT = "-as 0 -lw 1e-9 -aa 0".split()
 # sixteen scattered rays where a surface is glossy, in both methods: one alone sets a floor of 4 % to the error of either
@@ -219,16 +220,12 @@ def cache():
 
 def plain():
     """No light field in the scene: the same picture and time as unpatched Radiance."""
-    stock = OUT / "stock" / "bin" / "rpict"
-    if not stock.is_file():
-        print("plain: skipped: unpatched Radiance is not built (make bench-stock)")
-        return
     folder = place("judged")
     lamp = "\nvoid light bulb 0 0 3 300 200 100\n" + rs.sphere("bulb", "lamp", (1.2, 0.5, 2.6), 0.05)
     # no glossy ball: Radiance seeds rough specular sampling with a pointer, so that its pictures depend on malloc()
     octree = oconv(folder, rs.judged_objects(balls=False) + rs.MIRROR_BALL + lamp, "plain")
     options = "-ab 2 -ad 256 -as 64 -u-".split()
-    times = {"rpict": [], str(stock): []}
+    times = {"rpict": [], str(STOCK): []}
     bodies = {}
     for _ in range(5):
         for program in times:
@@ -274,19 +271,17 @@ def colordata():
             "\ntab glow tab_glow 0 0 4 1 1 1 0\n" + rs.sphere("tab_glow", "dome", (0, 0, 0), 12, "bubble"))
     ours = oconv(folder, rs.judged_objects() + rs.far_dome(file), "ours")
     theirs = oconv(folder, rs.judged_objects() + glow.replace("same3 same3 same3", "same same same"), "theirs")
-    stock = OUT / "stock" / "bin" / "rpict"
-    program = str(stock) if stock.is_file() else "rpict"
     size, base = (64, 64), ["-ab", "1", *EXACT]
     mask = objects_mask(folder, ours, size)
     ref = np.mean([rpict(folder, ours, size, [*base, "-di", 256, "-ad", 1024], "ref")["image"] for _ in range(2)], 0)
     mask &= (ref > 0) & (ref < 20 * np.median(ref[mask]))
     fit = Literal()
     for ad in (64, 256, 1024, 4096):
-        r = rpict(folder, theirs, size, [*base, "-ad", ad], "x", program=program)
+        r = rpict(folder, theirs, size, [*base, "-ad", ad], "x", program=str(STOCK))
         e = errors(r["image"], ref, mask)
         fit.add(ad, r["cpu_s"], e["rmse"])
         row("colordata", "colordata", [*base, "-ad", ad], r, **e)
-    start = rpict(folder, theirs, size, ["-ab", "0"], "x", program=program)
+    start = rpict(folder, theirs, size, ["-ab", "0"], "x", program=str(STOCK))
     row("colordata", "load only", ["-ab", "0"], start)
     for ad in (64, 1024):
         r = rpict(folder, ours, size, [*base, "-di", 0, "-ad", ad], "x")

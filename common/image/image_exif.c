@@ -2,7 +2,10 @@
  * image_exif.c - what blocks of metadata say of how a picture is to be looked at: EXIF's orientation
  * (Exif 2.3, tag 0x0112 of the first directory), XMP's GPano:ProjectionType.
  *
- * Both are read from blocks in memory that may hold anything; what can't be read says nothing.
+ * Both are read from blocks in memory that may hold anything; what can't be read says nothing.  The
+ * orientation is what libexif's exif_data_get_entry(EXIF_TAG_ORIENTATION) gives; here one number of each
+ * picture's first directory is wanted, without libexif's copy of all that the block holds, and by programs
+ * that don't link it.
  */
 #include <string.h>
 

@@ -53,8 +53,17 @@ motion motion_of(const cv::Mat &w)
 }
 
 struct level {
-    cv::Mat rest, moved, seen;
+    cv::Mat rest, moved;
+    cv::Mat rest_seen, seen; // 255 where rest and moved have data
 };
+
+// To half the size; what has a part in something unseen is unseen.
+cv::Mat half_seen(const cv::Mat &seen, cv::Size size)
+{
+    cv::Mat half;
+    cv::resize(seen, half, size, 0, 0, cv::INTER_AREA);
+    return half == 255;
+}
 
 std::vector<level> octaves(const level &finest, int n)
 {
@@ -66,22 +75,38 @@ std::vector<level> octaves(const level &finest, int n)
         cv::Rect even(0, 0, 2 * size.width, 2 * size.height);
         cv::resize(above.rest(even), half.rest, size, 0, 0, cv::INTER_AREA);
         cv::resize(above.moved(even), half.moved, size, 0, 0, cv::INTER_AREA);
-        cv::resize(above.seen(even), half.seen, size, 0, 0, cv::INTER_AREA);
-        half.seen = half.seen == 255;
+        half.seen = half_seen(above.seen(even), size);
+        half.rest_seen = half_seen(above.rest_seen(even), size);
         all.push_back(half);
     }
     return all;
 }
 
+bool all_seen(const cv::Mat &seen)
+{
+    return cv::countNonZero(seen) == (int)seen.total();
+}
+
+// Where, in the moved picture's pixels, both have data if it has moved by w; ECC's blur reaches SMOOTH / 2
+// pixels far, and what the codes are where there is none (white) has edges of its own.
+cv::Mat seen_in_both(const level &l, const cv::Mat &w)
+{
+    if (all_seen(l.rest_seen) && all_seen(l.seen)) return l.seen;
+    cv::Mat there;
+    cv::warpAffine(l.rest_seen, there, w, l.seen.size(), cv::INTER_NEAREST, cv::BORDER_CONSTANT,
+                   cv::Scalar(255));
+    cv::erode(there & l.seen, there, cv::Mat::ones(SMOOTH, SMOOTH, CV_8U));
+    return there;
+}
+
 // One level's refinement of m; as it was where it does not converge.
 motion refined(const level &l, const motion &m)
 {
-    cv::Mat w = matrix_of(m);
+    cv::Mat w = matrix_of(m), both = seen_in_both(l, w);
     try {
         cv::findTransformECC(
             l.rest, l.moved, w, cv::MOTION_EUCLIDEAN,
-            cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, ROUNDS, enough), l.seen,
-            SMOOTH);
+            cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, ROUNDS, enough), both, SMOOTH);
     } catch (const cv::Exception &x) {
         if (x.code != cv::Error::StsNoConv) throw;
         return m;
@@ -102,7 +127,7 @@ void correlations(motion_found *out, const level &l)
     const int how = cv::INTER_LINEAR | cv::WARP_INVERSE_MAP;
     cv::warpAffine(l.moved, turned, w, l.rest.size(), how);
     cv::warpAffine(l.seen, there, w, l.rest.size(), how);
-    both = (there == 255) & l.seen;
+    both = (there == 255) & l.seen & l.rest_seen;
     out->before = correlation(l.rest, l.moved, both);
     out->after = correlation(l.rest, turned, both);
     out->self = correlation(l.moved, turned, both);
@@ -110,15 +135,20 @@ void correlations(motion_found *out, const level &l)
 
 } // namespace
 
-int vision_motion(motion_found *out, const float *rest, const float *moved, const unsigned char *seen, int w,
-                  int h, int levels, errmsg *e)
+int vision_motion(motion_found *out, const float *rest, const float *moved, const unsigned char *rest_seen,
+                  const unsigned char *seen, int w, int h, int levels, errmsg *e)
 {
     return vision::guarded(e, "aligning", [&] {
         level finest;
         finest.rest = cv::Mat(h, w, CV_32F, const_cast<float *>(rest));
         finest.moved = cv::Mat(h, w, CV_32F, const_cast<float *>(moved));
-        finest.seen = cv::Mat(h, w, CV_8U, cv::Scalar(255));
-        if (seen) finest.seen = cv::Mat(h, w, CV_8U, const_cast<unsigned char *>(seen)) != 0;
+        auto mask = [&](const unsigned char *s) {
+            cv::Mat all(h, w, CV_8U, cv::Scalar(255));
+            if (s) all = cv::Mat(h, w, CV_8U, const_cast<unsigned char *>(s)) != 0;
+            return all;
+        };
+        finest.rest_seen = mask(rest_seen);
+        finest.seen = mask(seen);
         std::vector<level> all = octaves(finest, levels);
         motion_found found = {{0, 0, 0}, 0, 0, 1};
         for (size_t i = all.size(); i-- > 0;) {

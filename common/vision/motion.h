@@ -34,10 +34,11 @@ typedef struct motion_found {
 
 /* Find the motion of `moved` against `rest`: w x h values each, row by row, of alike brightness (0..255);
  * coarse to fine over `levels` octaves, by the enhanced correlation coefficient (Evangelidis and Psarakis
- * 2008), which gain and offset don't change.  seen: w x h bytes, 0 where `moved` has no data, or NULL.  Where
+ * 2008), which gain and offset don't change.  rest_seen, seen: w x h bytes, 0 where
+ * `rest` and `moved` have no data, or NULL.  Where
  * no level converges or the best is no better than none, the motion is none and after = before, self = 1.
  * Pictures without contrast correlate by 0.  -1 with words where OpenCV fails otherwise. */
-int vision_motion(motion_found *out, const float *rest, const float *moved, const unsigned char *seen, int w,
-                  int h, int levels, errmsg *e);
+int vision_motion(motion_found *out, const float *rest, const float *moved, const unsigned char *rest_seen,
+                  const unsigned char *seen, int w, int h, int levels, errmsg *e);
 
 #endif

@@ -12,20 +12,11 @@
 
 #include "base/cli.h"
 #include "ilf_internal.h"
+#include "uniform.h"
 
 static int rays = 100000;
 static const cli_opt opts[] = {{"rays", 'n', CLI_INT, &rays, NULL, "N", "rays (default 100000)"}, {0}};
 static const cli_prog prog = {"ilfboth", "FILE [OTHER]", "Compares lookups.", opts, ""};
-
-static uint64_t state = 88172645463325252u;
-
-static double uniform(void)
-{
-    state ^= state << 13;
-    state ^= state >> 7;
-    state ^= state << 17;
-    return (double)(state >> 11) * 0x1p-53;
-}
 
 /* About the plane, in all directions; one in eight of another size, parallel, on the plane, on a probe, or at
  * the seam. */

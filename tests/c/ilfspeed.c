@@ -14,6 +14,7 @@
 
 #include "base/cli.h"
 #include "ilf.h"
+#include "uniform.h"
 
 static int lookups = 4000000;
 static const cli_opt opts[] = {
@@ -21,16 +22,6 @@ static const cli_opt opts[] = {
     {0},
 };
 static const cli_prog prog = {"ilfspeed", "FILE", "Times lookups in a light field.", opts, ""};
-
-static uint64_t state = 88172645463325252u;
-
-static double uniform(void)
-{
-    state ^= state << 13;
-    state ^= state >> 7;
-    state ^= state << 17;
-    return (double)(state >> 11) * 0x1p-53;
-}
 
 enum { RANDOM, POINT, COHERENT };
 

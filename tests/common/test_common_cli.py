@@ -8,6 +8,7 @@ import subprocess
 
 import pytest
 from common_util import CLITOOL, refused, run
+from process import execute, Process
 
 
 def default_signals():
@@ -106,7 +107,7 @@ def test_quiet_silences_remarks_only():
 
 def on_a_terminal(*args):
     ours, theirs = os.openpty()
-    p = subprocess.Popen([CLITOOL, *args], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=theirs)
+    p = Process([CLITOOL, *args], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=theirs)
     os.close(theirs)
     text = b""
     try:
@@ -115,7 +116,7 @@ def on_a_terminal(*args):
     except OSError:  # how a terminal says that the other end is gone
         pass
     os.close(ours)
-    assert p.wait(10) == 0
+    assert p.wait() == 0
     return text.decode()
 
 
@@ -131,14 +132,14 @@ def test_progress_bar_on_a_terminal_only():
 
 def test_full_standard_output_is_a_failure():
     with open("/dev/full", "w") as full:
-        p = subprocess.run([CLITOOL, "x"], stdout=full, stderr=subprocess.PIPE)
+        p = execute([CLITOOL, "x"], stdout=full, stderr=subprocess.PIPE)
     assert p.returncode == 1 and b"standard output" in p.stderr
 
 
 def test_closed_pipe_is_a_failure_not_a_signal():
     r, w = os.pipe()
     os.close(r)
-    p = subprocess.run([CLITOOL, "-q"], stdout=w, stderr=subprocess.PIPE)
+    p = execute([CLITOOL, "-q"], stdout=w, stderr=subprocess.PIPE)
     os.close(w)
     assert p.returncode == 1 and p.stderr.count(b"\n") == 1
 
@@ -205,26 +206,26 @@ def test_given_up_output_leaves_the_old_file(tmp_path, how):
 @pytest.mark.parametrize("sig", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGKILL])
 def test_killed_run_leaves_the_old_file(tmp_path, sig):
     (tmp_path / "f").write_bytes(b"old")
-    p = subprocess.Popen([CLITOOL, "-o", tmp_path / "f", "--mode", "wait"], stdin=subprocess.DEVNULL,
-                         stdout=subprocess.PIPE, preexec_fn=default_signals)
+    p = Process([CLITOOL, "-o", tmp_path / "f", "--mode", "wait"], stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE, preexec_fn=default_signals)
     assert p.stdout.readline() == b"waiting\n"
     assert len(leftovers(tmp_path)) == 2
     p.send_signal(sig)
-    assert p.wait(10) == -sig
+    assert p.wait() == -sig
     assert (tmp_path / "f").read_bytes() == b"old"
     if sig != signal.SIGKILL:  # nothing can tidy up after that one
         assert leftovers(tmp_path) == ["f"]
 
 
 def test_an_ignored_hangup_stays_ignored(tmp_path):
-    p = subprocess.Popen([CLITOOL, "-o", tmp_path / "f", "--mode", "wait"], stdin=subprocess.DEVNULL,
-                         stdout=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
+    p = Process([CLITOOL, "-o", tmp_path / "f", "--mode", "wait"], stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN))
     p.stdout.readline()
     p.send_signal(signal.SIGHUP)
     with pytest.raises(subprocess.TimeoutExpired):
         p.wait(0.3)
     p.terminate()
-    assert p.wait(10) == -signal.SIGTERM and leftovers(tmp_path) == []
+    assert p.wait() == -signal.SIGTERM and leftovers(tmp_path) == []
 
 
 def test_no_space(tmp_path):
@@ -243,9 +244,9 @@ def test_standard_output_and_pipes(tmp_path):
     assert p.returncode == 0 and p.stdout == b"abc" * 50000
     fifo = tmp_path / "fifo"
     os.mkfifo(fifo)
-    reader = subprocess.Popen(["cat", fifo], stdout=subprocess.PIPE)
+    reader = Process(["cat", fifo], stdout=subprocess.PIPE)
     assert write(fifo, b"abc").returncode == 0
-    assert reader.communicate(timeout=10)[0] == b"abc" and stat.S_ISFIFO(fifo.stat().st_mode)
+    assert reader.communicate()[0] == b"abc" and stat.S_ISFIFO(fifo.stat().st_mode)
     assert write("/dev/null").returncode == 0
 
 

@@ -1,17 +1,17 @@
 """Our conversions of OpenEXR's HALF are numpy's float16, bit by bit."""
-import subprocess
 
 import numpy as np
 import pytest
 
 from conftest import BUILD
+from process import execute
 
 ALL = np.arange(65536, dtype=np.uint32).astype(np.uint16).view(np.float16)
 LARGEST = np.float32(65504)
 
 
 def tool(what, stdin=b""):
-    return subprocess.run([BUILD / "test/halftool", what], input=stdin, capture_output=True, check=True, timeout=60).stdout
+    return execute([BUILD / "test/halftool", what], input=stdin, capture_output=True, check=True).stdout
 
 
 def test_all_halves_to_floats():

@@ -5,7 +5,6 @@ What a file means (windows, alpha, layers) is written down here a second time, i
 """
 import itertools
 import struct
-import subprocess
 
 import numpy as np
 import OpenEXR
@@ -13,6 +12,7 @@ import pytest
 
 from common_util import IMGTOOL, load, probe, refused, run, write_exr
 from conftest import run as run_installed
+from process import execute
 from conftest import shared_case
 
 COMPRESSIONS = "NO RLE ZIPS ZIP PIZ PXR24 B44 B44A DWAA DWAB".split()
@@ -290,9 +290,7 @@ def test_primaries_that_need_no_conversion(tmp_path):
 
 @pytest.mark.parametrize("name", ["HTJ2K256", "HTJ2K32", "ZSTD", "LJ2K"])
 def test_newer_compressions_are_named(tmp_path, name):
-    code = getattr(OpenEXR, name + "_COMPRESSION", None)
-    if code is None:
-        pytest.skip("the Python package does not know it")
+    code = getattr(OpenEXR, name + "_COMPRESSION")
     write_exr(tmp_path / "a.exr", colour())
     data = (tmp_path / "a.exr").read_bytes()
     key = b"compression\0compression\0\1\0\0\0"
@@ -301,7 +299,7 @@ def test_newer_compressions_are_named(tmp_path, name):
     p = run(IMGTOOL, "dump", tmp_path / "a.exr", tmp_path / "b")
     if p.returncode != 0:  # a library that is new enough has its own words
         line = refused(p)
-        assert name in line and "OpenEXR 3." in line or "broken" in line
+        assert name.lower() in line and "OpenEXR 3." in line or "broken" in line
 
 
 @pytest.mark.parametrize("tiled", [False, True])
@@ -329,7 +327,7 @@ def test_memory_is_not_taken_from_a_header_that_lies(tmp_path):
     for w, h in ((100000, 100000), (131071, 16000), (2 ** 30, 2 ** 30)):
         (tmp_path / "b.exr").write_bytes(data.replace(window, window[:10] + np.array([0, 0, w - 1, h - 1], "<i4").tobytes()))
         limit = "" if "san" in IMGTOOL.parts else "ulimit -v 2000000;"  # a sanitizer takes address space of its own
-        refused(subprocess.run(["bash", "-c", f"{limit} '{IMGTOOL}' dump '{tmp_path}/b.exr' '{tmp_path}/c'"], capture_output=True))
+        refused(execute(["bash", "-c", f"{limit} '{IMGTOOL}' dump '{tmp_path}/b.exr' '{tmp_path}/c'"], capture_output=True))
 
 
 # ---- inputs that once went wrong ---------------------------------------------------------------------------------------

@@ -1,6 +1,5 @@
 """What the documents say is there: links, cited sections, places of files, examples that run as they stand."""
 import re
-import subprocess
 import sys
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 import example_inputs
 from conftest import TOP, environment, run
 from ilf_util import random_ilf
+from process import execute
 
 sys.path.append(str(TOP / "docs"))
 import tutorial  # noqa: E402  (docs/tutorial.py)
@@ -16,7 +16,7 @@ import tutorial  # noqa: E402  (docs/tutorial.py)
 DOCS = [TOP / "README.md", *sorted(TOP.glob("docs/*.md")), *sorted(TOP.glob("*/README.md")),
         *(f for name in ("CONTRIBUTING.md", "CHANGELOG.md") if (f := TOP / name).is_file())]
 # where comments are; radiance_patch/*.patch holds lines of Radiance's
-SOURCES = [f for f in subprocess.run(["git", "ls-files"], cwd=TOP, capture_output=True, text=True, check=True).stdout.split()
+SOURCES = [f for f in execute(["git", "ls-files"], cwd=TOP, capture_output=True, text=True, check=True).stdout.split()
            if f.endswith((".c", ".h", ".cpp", ".hpp", ".py", ".mk", ".sh", "Makefile", ".conf", ".rad", ".md", ".1", ".7"))]
 
 
@@ -119,7 +119,7 @@ def looked_at(tmp_path_factory):
     said = {}
     for part in block.split("$ ")[1:]:
         line, _, expected = part.partition("\n")
-        p = subprocess.run(["bash", "-euc", line], cwd=folder, env=environment(), capture_output=True, text=True)
+        p = execute(["bash", "-euc", line], cwd=folder, env=environment(), capture_output=True, text=True)
         assert p.returncode == 0, p
         said[line.split()[0]] = expected, p.stdout
     return folder, said
@@ -134,7 +134,7 @@ def test_the_formats_file_is_described_as_it_is(looked_at):
 def test_the_formats_python_finds_what_ilfinfo_finds(looked_at):
     folder, _ = looked_at
     code, = fences(TOP / "docs" / "FORMAT.md", "python")
-    p = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
+    p = execute([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
     probe, theta, phi, value = re.search(r"brightest +probe (\(\d+,\d+\)), theta (\S+), phi (\S+) degrees: (\S+) cd",
                                          run("ilfinfo", "room.ilf.exr", cwd=folder).text).groups()
     found = re.search(r"probe (\(\d+,\d+\)) at .*: (\S+) cd/m\^2 from \[(.*)\]", p.stdout)
@@ -147,7 +147,7 @@ def test_the_formats_c_compiles(tmp_path):
     code, = fences(TOP / "docs" / "FORMAT.md", "c")
     (tmp_path / "a.c").write_text("#include <stdio.h>\n#include <stdlib.h>\n#include \"ilf.h\"\nint main(void)\n{\n" + code
                                   + "    printf(\"%g %g %g\\n\", (double)rgb[0], (double)rgb[1], (double)rgb[2]);\n    return 0;\n}\n")
-    subprocess.run(["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-I", str(TOP / "ilfmat"), "a.c"], cwd=tmp_path, check=True)
+    execute(["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-I", str(TOP / "ilfmat"), "a.c"], cwd=tmp_path, check=True)
 
 
 # ---- TUTORIAL.md -------------------------------------------------------------------------------------------
@@ -176,7 +176,7 @@ def chapter_steps(first, last, folder):
 
 
 def shell(folder, words):
-    p = subprocess.run(["bash", "-euc", few_pixels(words)], cwd=folder, env=environment(), capture_output=True, text=True)
+    p = execute(["bash", "-euc", few_pixels(words)], cwd=folder, env=environment(), capture_output=True, text=True)
     assert p.returncode == 0, (words, p.stderr)
     return p.stdout
 
@@ -221,3 +221,24 @@ def test_the_tutorials_own_camera(tmp_path):
     for words in chapter_steps(5, 5, tmp_path):
         shell(tmp_path, words)
     assert "36 (6 x 6)" in run("stagectl", "plan", "own.conf", cwd=tmp_path).text
+
+
+# ---- the manual and the API ----------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("page", sorted((TOP / "man").glob("*.[17]")), ids=lambda p: p.name)
+def test_every_page_of_the_manual_has_examples(page):
+    text = page.read_text()
+    part = re.search(r'^\.SH EXAMPLES\n(.*?)(?=^\.SH )', text, re.S | re.M)
+    assert part and re.search(r"^\.EX\n.+?^\.EE$", part[1], re.S | re.M)
+    assert text.count("\n.EX\n") == text.count("\n.EE\n")
+
+
+def test_every_public_function_has_a_comment():
+    """Above it, without a blank line between, or behind it: doxygen then has no complaint."""
+    text = text_of("ilfmat/ilf.h")
+    bare = []
+    for m in re.finditer(r"^(?!typedef|static|#|\s|/|\}|extern)[\w *]+?\b(ilf_\w+)\([^;{]*\);(.*)$", text, re.M):
+        if not text[:m.start()].endswith("*/\n") and "/*" not in m[2]:
+            bare.append(m[1])
+    assert re.search(r"^ilf_status ilf_open\(", text, re.M)
+    assert not bare

@@ -5,6 +5,7 @@ from PIL import Image
 
 import fishremap_util as U
 from conftest import one_line_error, run, shared_data
+from svg_util import Plot
 
 HALF = np.radians(92.5)
 
@@ -105,7 +106,13 @@ def test_the_curve_undoes_the_falloff(tmp_path):
     """End to end: fishremap with falloffcal's file makes a constant scene constant again."""
     rng = np.random.default_rng(9)
     calibrate(tmp_path, [(d, source_picture(d, 33, rng)) for d in TWENTY], "--plot", tmp_path / "plot.svg")
-    assert (tmp_path / "plot.svg").read_text().startswith("<svg")
+    plot, table = Plot(tmp_path / "plot.svg"), np.loadtxt(tmp_path / "falloff.txt")
+    assert len(plot.lines()) == len(plot.bands()) == 3 and len(plot.xticks) == 10 and "degrees" in plot.xlabel
+    assert len(plot.dots()) + len(plot.dots(full=False)) == 3 * len(TWENTY)
+    for c, (line, (low, high)) in enumerate(zip(plot.lines(), plot.bands())):
+        v, sd = (np.interp(line[:, 0], table[:, 0], table[:, k]) for k in (1 + c, 4 + c))
+        assert np.abs(line[:, 1] - v).max() < 2e-3
+        assert np.abs(high[:, 1] - low[:, 1] - 4 * sd).max() < 2e-3 and (low[:, 1] <= line[:, 1] + 1e-4).all()
     y, x = np.mgrid[0:256, 0:256]
     t = np.hypot((x + .5) / 128 - 1, (y + .5) / 128 - 1) * HALF
     U.write_exr(tmp_path / "flat.exr", np.stack([paper_like(t, s) for s in STRENGTH], -1))

@@ -7,6 +7,7 @@ from PIL import Image
 
 import fishremap_util as U
 from conftest import BUILD, one_line_error, run, shared_case
+from process import execute
 
 HALF = 93
 
@@ -30,7 +31,7 @@ LENSES = {
 def fits(sets):
     """(used, V, sd) of each set of (angles, readings) by falloffcal's fit."""
     text = "\n".join(f"{len(t)} {HALF}\n" + "\n".join(f"{a:.6f} {v:.9g}" for a, v in zip(t, y)) for t, y in sets)
-    lines = subprocess.run([BUILD / "test" / "falloffsim"], input=text, text=True, stdout=subprocess.PIPE, check=True).stdout.splitlines()
+    lines = execute([BUILD / "test" / "falloffsim"], input=text, text=True, stdout=subprocess.PIPE, check=True).stdout.splitlines()
     for (t, _), line in zip(sets, lines, strict=True):
         q = np.array(line.split(), float)
         yield q[:len(t)] > 0, q[len(t)::2], q[len(t) + 1::2]

@@ -155,6 +155,26 @@ def test_what_lies_outside_a_moved_shot_is_missing_not_black(tmp_path):
     assert count[8:-8, 2:26].max() <= len(TIMES) - 1
 
 
+def test_what_is_missing_in_either_shot_steers_no_registration(tmp_path):
+    """Borders of a fill colour, others in each shot and lying still, around a scene that moved."""
+    moved, rng = motions(9, .3, seed=7), np.random.default_rng(3)
+    names = shoot(tmp_path, moved, noise=True)
+    for k, (n, t) in enumerate(zip(names, TIMES)):
+        codes = expose(seen(moved[k]), t, f_gamma, 255, rng=rng)
+        left, top, right, low = rng.integers(6, 30, 4)
+        inner = np.zeros(codes.shape[:2], bool)
+        inner[top:-low, left:-right] = True
+        codes[~inner] = (0, 0, 255)
+        write_png(tmp_path / n, codes)
+    r = hdrgen(tmp_path, names, "-r", "gamma:2.2", "--align", "--fill", "0,0,255")
+    found, middle = said_motions(r.err), names[len(TIMES) // 2]
+    for name, m in zip(names, moved):
+        if name != middle and np.hypot(*m[1:]) > 1:
+            assert abs(found[name][0] + m[0]) < .1, name
+    got, truth = radiance(tmp_path / "out.exr"), seen((0, 0, 0))
+    assert errors(got, truth, 44) < .2
+
+
 def test_one_picture_of_something_else(tmp_path):
     names = shoot(tmp_path, motions(5, .1))
     rng = np.random.default_rng(2)

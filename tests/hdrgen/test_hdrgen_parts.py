@@ -1,17 +1,17 @@
 """hdrgen's pure parts, each against a second method or an exact answer."""
-import subprocess
 
 import numpy as np
 import pytest
 
 from conftest import BUILD
+from process import execute
 
 PARTS = BUILD / "test" / "hdrgenparts"
 
 
 def parts(*args, numbers):
     text = "\n".join(" ".join(f"{v:.17g}" for v in np.atleast_1d(row)) for row in numbers)
-    p = subprocess.run([PARTS, *map(str, args)], input=text.encode(), capture_output=True, timeout=60)
+    p = execute([PARTS, *map(str, args)], input=text.encode(), capture_output=True)
     assert p.returncode == 0, p.stderr
     return [np.array([float(x) for x in line.split()]) for line in p.stdout.decode().splitlines()]
 

@@ -11,6 +11,7 @@ import pytest
 
 from conftest import BUILD, command, environment, one_line_error, run
 from ilf_util import random_ilf, write_ilf
+from process import execute, Process
 from test_ilf_files import feed
 
 SCENE = """void ilf room
@@ -86,8 +87,8 @@ MORE = [(x, y, 0.5, 0.3 * x, -0.2 * y, 1) for x in (-0.9, 0.9) for y in (-0.9, 0
 
 
 def started(folder, program, env=None):
-    return subprocess.Popen(command(program[0], program[1:]), cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                            env=env or environment())
+    return Process(command(program[0], program[1:]), cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                   env=env or environment())
 
 
 @pytest.mark.parametrize("kind, program", [("plain", p) for p in PROGRAMS] + [("zip", "rtrace -di 16"), ("zip", "ilftrace")])
@@ -97,7 +98,7 @@ def test_changed_in_place(folder, kind, program):
         p = started(folder, PROGRAMS[program])
         feed(p, rays(program, FIRST))
         change(folder / "f.ilf.exr")
-        out, err = p.communicate(rays(program, MORE).encode(), timeout=60)
+        out, err = p.communicate(rays(program, MORE).encode())
         lines = err.decode().splitlines()
         assert p.returncode == 1 and len(lines) == 1, (how, p.returncode, err)
         assert all(w in lines[0] for w in WORDS), (how, lines)
@@ -113,7 +114,7 @@ def test_replaced_by_rename_or_removed(folder, program):
         p = started(folder, PROGRAMS[program])
         feed(p, rays(program, FIRST))
         (folder / "f.ilf.exr").unlink() if how == "removed" else provide(folder, "zip")
-        out, err = p.communicate(rays(program, MORE).encode(), timeout=60)
+        out, err = p.communicate(rays(program, MORE).encode())
         assert (p.returncode, err) == (0, b"")
         if program == "ilftrace":
             assert out == expected
@@ -126,7 +127,7 @@ def test_children(folder):
     p = started(folder, ["rtrace", "-h", "-n", "2", "-di", "0", "s.oct"])
     feed(p, rays("rtrace", FIRST))
     os.truncate(folder / "f.ilf.exr", 5000)
-    out, err = p.communicate(rays("rtrace", MORE).encode(), timeout=60)
+    out, err = p.communicate(rays("rtrace", MORE).encode())
     assert p.returncode == 1 and b"found it changed" in err, (p.returncode, err)
 
 
@@ -155,7 +156,7 @@ int fstat(int fd, struct stat *to)
     return 0;
 }
 """)
-    subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", str(folder / "blind.so"), str(folder / "blind.c"), "-ldl"], check=True)
+    execute(["cc", "-shared", "-fPIC", "-O1", "-o", str(folder / "blind.so"), str(folder / "blind.c"), "-ldl"], check=True)
     return environment(LD_PRELOAD=str(folder / "blind.so"))
 
 
@@ -165,7 +166,7 @@ def test_end_of_the_mapped_file(folder, blind, program):
     p = started(folder, PROGRAMS[program], blind)
     feed(p, rays(program, FIRST))
     os.truncate(folder / "f.ilf.exr", 5000)
-    out, err = p.communicate(rays(program, FIRST + MORE).encode(), timeout=60)      # probes that are in use already
+    out, err = p.communicate(rays(program, FIRST + MORE).encode())      # probes that are in use already
     lines = err.decode().splitlines()
     assert p.returncode == 1 and len(lines) == 1, (p.returncode, err)
     assert all(w in lines[0] for w in WORDS), lines
@@ -191,7 +192,7 @@ void *mmap(void *at, size_t n, int prot, int flags, int fd, off_t from)
 }
 void *mmap64(void *at, size_t n, int prot, int flags, int fd, off_t from) { return mmap(at, n, prot, flags, fd, from); }
 """)
-        subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", str(folder / "late.so"), str(script), "-ldl"], check=True)
+        execute(["cc", "-shared", "-fPIC", "-O1", "-o", str(folder / "late.so"), str(script), "-ldl"], check=True)
         env = dict(blind)
         env["LD_PRELOAD"] = f"{blind['LD_PRELOAD']}:{folder / 'late.so'}"
         r = run(args[0], *args[1:], cwd=folder, env=env, code=1)

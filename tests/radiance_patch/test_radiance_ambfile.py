@@ -10,6 +10,7 @@ import pytest
 
 from conftest import command, environment, run, shared_case
 from ilf_util import f32, random_ilf, write_ilf
+from process import Process
 from rad_util import Mesh, Sphere, material, numbers, oconv
 from test_radiance_di import DARK, ROOM, WALLS
 
@@ -261,11 +262,11 @@ def test_processes_at_the_same_time(room):
     octree = oconv(room, FLOOR + material("env", "room.ilf.exr", ROOM, 9) + DOME.rad("env", "dome"), "s")
     used(room, octree)
     args = command("rtrace", ["-h", "-w", "-n", "2", *AMB, "-aa", ".1", "-af", "a.amb", octree])
-    ps = [subprocess.Popen(args, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=room, env=environment())
+    ps = [Process(args, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=room, env=environment())
           for _ in range(4)]
     for k, p in enumerate(ps):
         rays = "".join(f"{x:.3f} {y:.3f} .5 0 0 -1\n" for x, y in np.random.default_rng(k).uniform(-1.5, 1.5, (60, 2)))
-        out, err = p.communicate(rays.encode(), timeout=120)
+        out, err = p.communicate(rays.encode())
         assert p.returncode == 0 and len(out.splitlines()) == 60 and not err, err
     text = run("lookamb", "a.amb", cwd=room).text
     assert text.count("LIGHTFIELD=") == 1 and text.count("Position:") > 4

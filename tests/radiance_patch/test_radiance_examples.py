@@ -5,6 +5,7 @@ import numpy as np
 
 from conftest import TOP, environment, run
 from ilf_util import f32, random_directions, random_ilf, unit, write_ilf
+from process import execute
 from rad_util import FLOOR, Polygon, Sphere, Surface, clear, matrix, rtrace, scene_value
 import subprocess
 
@@ -12,7 +13,7 @@ PLANE = (0, 0, 0), (.75, 0, 0), (0, .75, 0)
 
 
 def shell(folder, line):
-    p = subprocess.run(["bash", "-euc", line], cwd=folder, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    p = execute(["bash", "-euc", line], cwd=folder, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert p.returncode == 0, (line, p.stderr)
 
 

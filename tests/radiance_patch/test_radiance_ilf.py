@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from conftest import run
+from conftest import run, sweep
 from ilf_util import ILF, MIRROR_ARRAY_VALID, POLAR_MAX, f32, random_directions, unit
 from rad_util import (L, MOVES, UPRIGHT, Cone, Mesh, Polygon, Ring, Source, Sphere, Surface, compare, elsewhere,
                       file_and_ilf, material, matrix, numbers, oconv, rays_about, rtrace, scene_value)
@@ -223,24 +223,25 @@ def test_mesh_that_is_moved(tmp_path):
 # ---- a wider sweep, on demand --------------------------------------------------------------------------
 
 @pytest.mark.sweep
-@pytest.mark.parametrize("seed", range(12))
-def test_hundred_thousand_rays(tmp_path, seed):
+def test_hundred_thousand_rays(tmp_path):
     """Grids, kinds, modes, frames and transforms at random."""
-    rng = np.random.default_rng(1000 + seed)
-    grid = tuple(int(x) for x in rng.choice([1, 2, 3, 7, 30], 2))
-    f, file = file_and_ilf(tmp_path, rng, grid, (int(rng.integers(1, 40)), int(rng.integers(1, 30))),
-                           rng.choice(list(POLAR_MAX)), bool(rng.integers(2)), decades=2)
-    reals = int(rng.choice([9, 12]))
-    depth = bool(rng.integers(2))
-    g = elsewhere(f, rng, reals, rng.choice([-1, 1]))
-    shape = Sphere((0, 0, 0), 6)
-    oconv(tmp_path, material("room", file, g, reals, depth) + shape.rad("room", "dome"), "inner")
-    move = MOVES[str(rng.choice([k for k in MOVES if k != "far"]))].split()
-    octree = oconv(tmp_path, f"void instance i\n{1 + len(move)} inner.oct {' '.join(move)}\n0\n0\n")
-    M = matrix(move)
-    s = Surface(shape, g, depth).moved(M)
-    o, d = rays_about(rng, g, 100000)
-    compare(tmp_path, octree, [s], f32(o @ M[:3, :3].T + M[:3, 3]), f32(unit(d @ M[:3, :3].T)), rng, 0.4)
+    def compare_rays(seed):
+        rng = np.random.default_rng(1000 + seed)
+        grid = tuple(int(x) for x in rng.choice([1, 2, 3, 7, 30], 2))
+        f, file = file_and_ilf(tmp_path, rng, grid, (int(rng.integers(1, 40)), int(rng.integers(1, 30))),
+                               rng.choice(list(POLAR_MAX)), bool(rng.integers(2)), decades=2)
+        reals = int(rng.choice([9, 12]))
+        depth = bool(rng.integers(2))
+        g = elsewhere(f, rng, reals, rng.choice([-1, 1]))
+        shape = Sphere((0, 0, 0), 6)
+        oconv(tmp_path, material("room", file, g, reals, depth) + shape.rad("room", "dome"), "inner")
+        move = MOVES[str(rng.choice([k for k in MOVES if k != "far"]))].split()
+        octree = oconv(tmp_path, f"void instance i\n{1 + len(move)} inner.oct {' '.join(move)}\n0\n0\n")
+        M = matrix(move)
+        s = Surface(shape, g, depth).moved(M)
+        o, d = rays_about(rng, g, 100000)
+        compare(tmp_path, octree, [s], f32(o @ M[:3, :3].T + M[:3, 3]), f32(unit(d @ M[:3, :3].T)), rng, 0.4)
+    sweep(compare_rays, [(seed,) for seed in range(12)])
 
 
 def test_constant_light_through_ilf_class_is_what_was_meant():

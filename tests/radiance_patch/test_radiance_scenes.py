@@ -1,11 +1,10 @@
 """The material ilf among other things: several fields, patterns, mirrors, lamps; octrees; what is wrong is said."""
 import struct
-import subprocess
 
 import numpy as np
 import pytest
 
-from conftest import BUILD, environment, run, run_measured
+from conftest import environment, run, run_measured
 from ilf_util import PI, assert_same, edited, f32, random_directions, random_ilf, sparse_ilf, unit, write_ilf
 from rad_util import (FLOOR, L, LITERAL, UPRIGHT, Cone, Polygon, Ring, Source, Sphere, Surface, clear, compare,
                       dome_scene, elsewhere, file_and_ilf, irradiance, material, numbers, oconv, rays_about, rtrace,
@@ -185,22 +184,6 @@ def test_octree_that_does_not_know_the_material(tmp_path):
     d = f32(random_directions(rng, 500))
     a, b = rtrace(tmp_path, "scene.oct", o, d), rtrace(tmp_path, "old.oct", o, d)
     assert np.array_equal(a, b) and a.max() > 9
-
-
-def test_octree_from_another_oconv(tmp_path):
-    places = [b / "radiance" / "foreign" / "oconv" for b in (BUILD, BUILD.parent)]
-    foreign = next((p for p in places if p.is_file()), None)
-    if foreign is None:
-        pytest.skip("no unpatched oconv at hand (build/radiance/foreign/oconv)")
-    import subprocess
-    (tmp_path / "scene.rad").write_text(LAMP)
-    oconv(tmp_path, LAMP, "ours", "-f")
-    made = subprocess.run([str(foreign), "-f", "scene.rad"], cwd=tmp_path, stdout=subprocess.PIPE, env=environment(), check=True)
-    (tmp_path / "foreign.oct").write_bytes(made.stdout)
-    rng = np.random.default_rng(65)
-    o = f32(np.stack([*rng.uniform(-3, 3, (2, 500)), np.full(500, 2.0)], -1))
-    d = f32(random_directions(rng, 500))
-    assert np.allclose(rtrace(tmp_path, "ours.oct", o, d), rtrace(tmp_path, "foreign.oct", o, d), rtol=1e-5)
 
 
 # ---- what is wrong is said -----------------------------------------------------------------------------

@@ -4,8 +4,9 @@ import os
 import numpy as np
 import pytest
 
-from conftest import BIN, FETCHED, run
+from conftest import BIN, FETCHED, environment, run
 from ilf_util import PI, directional_ilf, f32, unit, write_ilf
+from process import execute
 from rad_util import Polygon, Ring, Source, Sphere, Surface, material, oconv, read_picture
 from render_scene import LUMINANCE, VIEW, far_dome, small_room
 from test_radiance_di import EXACT, block_means, integral, replicas
@@ -159,11 +160,8 @@ def test_irradiance_is_the_other_radiances(room):
     rays = f32(np.array([(0.3, -0.2, 1), (-0.4, 0.3, 1), (0, 0.6, 1)])), f32(np.array([(0, 0, -1.0)] * 3))
     options = ["-h", "-ff", "-i", *EXACT, "-di", "16", "-ad", "256", octree]
     data = np.tile(np.concatenate(rays, 1), (64, 1)).astype("<f4").tobytes()
-    import subprocess
-
-    from conftest import environment
-    got = [np.frombuffer(subprocess.run([str(b / "rtrace"), *options], input=data, stdout=subprocess.PIPE, cwd=room, env=environment(),
-                                        check=True).stdout, "<f4").reshape(64, 3, 3) for b in (BIN, FETCHED)]
+    got = [np.frombuffer(execute([b / "rtrace", *options], input=data, capture_output=True, cwd=room, env=environment(), check=True).stdout,
+                         "<f4").reshape(64, 3, 3) for b in (BIN, FETCHED)]
     error = np.sqrt(sum(a.var(0, ddof=1) / len(a) for a in got))
     assert (np.abs(got[0].mean(0) - got[1].mean(0)) < 5 * error).all(), (got[0].mean(0), got[1].mean(0), error)
     assert (error < 0.02 * got[0].mean(0)).all()

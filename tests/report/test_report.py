@@ -4,7 +4,6 @@ import hashlib
 import html.parser
 import math
 import os
-import subprocess
 import sys
 import time
 
@@ -13,6 +12,7 @@ import pytest
 
 from conftest import TOP, environment, run
 from ilf_util import ILF, write_ilf
+from process import execute
 
 sys.path.insert(0, str(TOP))
 
@@ -381,8 +381,8 @@ def test_findings_come_from_the_rows():
 
 
 def test_help_and_bad_words():
-    p = subprocess.run([sys.executable, "-m", "report", "nonsense"], cwd=TOP, capture_output=True, text=True)
+    p = execute([sys.executable, "-m", "report", "nonsense"], cwd=TOP, capture_output=True, text=True)
     assert p.returncode == 2 and p.stderr.startswith("report: expected one of") and len(p.stderr.splitlines()) == 1
-    p = subprocess.run([sys.executable, "-m", "report", "measure", "--reference", "none.hdr", "--mask", "none.hdr", "none.hdr"], cwd=TOP,
-                       capture_output=True, text=True)
+    p = execute([sys.executable, "-m", "report", "measure", "--reference", "none.hdr", "--mask", "none.hdr", "none.hdr"], cwd=TOP,
+                capture_output=True, text=True)
     assert p.returncode == 1 and "none.hdr" in p.stderr and len(p.stderr.splitlines()) == 1

@@ -5,8 +5,9 @@ import subprocess
 
 import numpy as np
 import pytest
-from conftest import BUILD, TOP, environment, run, shared_case
+from conftest import BUILD, TOP, environment, needed, run, shared_case
 from ilf_util import read_mosaic
+from process import execute
 from stage_util import journal
 
 NEEDED = "stagectl virtualstage virtualcamera hdrgen fishremap ilfpack oconv rtrace".split()
@@ -44,9 +45,7 @@ ilfpack = --type float
 
 @pytest.fixture
 def room(tmp_path):
-    missing = [p for p in NEEDED if not shutil.which(p, path=environment()["PATH"])]
-    if missing:
-        pytest.skip(f"not built: {' '.join(missing)}")
+    needed(*NEEDED)
     (tmp_path / "lamp.rad").write_text(lamp(100))
     (tmp_path / "room.rad").write_text("!xform lamp.rad\n" + SKY)
     (tmp_path / "level.dat").write_text("1\n0 1 2\n1 1\n")
@@ -63,8 +62,8 @@ def write_session(room, oconv="oconv -f room.rad", render="", **replaced):
 
 
 def make(room, *args, code=0):
-    p = subprocess.run(["make", "-C", TOP / "scenes", f"CAPTURE={room}/s.conf", f"BUILD={BUILD}", "QUIET=--quiet", *args],
-                       env=environment(MAKEFLAGS="", MAKELEVEL=""), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=120)
+    p = execute(["make", "-C", TOP / "scenes", f"CAPTURE={room}/s.conf", f"BUILD={BUILD}", "QUIET=--quiet", *args],
+                env=environment(MAKEFLAGS="", MAKELEVEL=""), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert (p.returncode == 0) == (code == 0), p.stdout
     return p.stdout
 
@@ -131,7 +130,7 @@ def test_anew_that_was_stopped_leaves_no_old_place_behind(room):
     edit_lamp(room)
     make(room, code=2)
     (room / "s.conf").write_text((room / "s.conf").read_text().replace("port = port", "port = nowhere"))
-    p = subprocess.run([BUILD / "bin/stagectl", "--anew", "capture", "s.conf"], cwd=room, env=environment(), capture_output=True, text=True)
+    p = execute([BUILD / "bin/stagectl", "--anew", "capture", "s.conf"], cwd=room, env=environment(), capture_output=True, text=True)
     assert p.returncode != 0 and not list((room / "out").rglob("times.txt"))
     write_session(room)
     make(room)

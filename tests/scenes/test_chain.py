@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from conftest import BUILD, TOP, environment
 from ilf_util import read_mosaic
+from process import execute
 
 PROGRAMS = "stagectl virtualstage virtualcamera hdrgen fishremap ilfpack oconv rtrace".split()
 STEPS = ("00.png", "fisheye.exr", "probe.exr", "room.ilf.exr")
@@ -61,8 +62,8 @@ def capture(tmp_path):
 
     def make(*args, code=0, whole=True):
         before = stamps()
-        p = subprocess.run(["make", "-C", TOP / "scenes", f"CAPTURE={tmp_path}/s.conf", f"BUILD={tmp_path}/build", "QUIET=--quiet", *args],
-                           env=environment(MAKEFLAGS="", MAKELEVEL=""), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=600)
+        p = execute(["make", "-C", TOP / "scenes", f"CAPTURE={tmp_path}/s.conf", f"BUILD={tmp_path}/build", "QUIET=--quiet", *args],
+                    env=environment(MAKEFLAGS="", MAKELEVEL=""), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         assert (p.returncode == 0) == (code == 0), p.stdout
         make.said = p.stdout
         after = stamps()
@@ -219,7 +220,7 @@ SAN = ["SAN=1"] if BUILD.name == "san" else []
 
 def top(*args):
     env = environment(MAKEFLAGS="", MAKELEVEL="", RAYPATH=f"{TOP}/scenes/demo")      # the demo's function files: its session stands elsewhere here
-    p = subprocess.run(["make", "--no-print-directory", *args], cwd=TOP, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=900)
+    p = execute(["make", "--no-print-directory", *args], cwd=TOP, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert p.returncode == 0, p.stdout
     return p.stdout
 
@@ -271,7 +272,7 @@ def test_the_figures_sessions_are_sessions(tmp_path):
         top(f"FIG={fig}", f"SIZE={size}", *(f"{fig}/{name}/session.conf" for name in ("figure11", "figure12", "exposures")))
 
         def get(name, key):
-            return subprocess.run(["stagectl", "get", fig / name / "session.conf", key], env=environment(), stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+            return execute(["stagectl", "get", fig / name / "session.conf", key], env=environment(), stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
         assert get("figure12", "grid.nodes") == nodes and get("exposures", "grid.nodes") == "1x1"
         assert len(get("exposures", "camera.exposures").split()) == 16 and get("figure12", "camera.lens") == "equidistant"
         assert f"{fig}/falloff/measured.txt" in get("figure11", "chain.fishremap") and "views/{i}_{j}/room.amb" in get("figure11", "camera.command")

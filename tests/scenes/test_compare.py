@@ -2,7 +2,6 @@
 import csv
 import json
 import os
-import subprocess
 import sys
 
 import numpy as np
@@ -16,6 +15,7 @@ sys.path.insert(0, SCENES)
 
 import compare  # noqa: E402
 import pictures  # noqa: E402
+from process import execute
 
 
 def write_hdr(path, rgb, runs=False, header=""):
@@ -24,8 +24,8 @@ def write_hdr(path, rgb, runs=False, header=""):
 
 
 def run(*args):
-    return subprocess.run([sys.executable, os.path.join(SCENES, "compare.py"), *map(str, args)],
-                          capture_output=True, text=True)
+    return execute([sys.executable, os.path.join(SCENES, "compare.py"), *map(str, args)],
+                   capture_output=True, text=True)
 
 
 # ---- measures -------------------------------------------------------------------------------------------------
@@ -180,18 +180,18 @@ def test_timed_keeps_cost_and_whole_outputs(tmp_path):
     out, log = tmp_path / "out", tmp_path / "log.json"
     timed = [sys.executable, os.path.join(SCENES, "timed.py"), "--log", str(log), "-o", str(out), "--"]
     spin = "import time\nwhile time.process_time() < 0.3: pass\nprint('done')"
-    assert subprocess.run([*timed, sys.executable, "-c", spin]).returncode == 0
+    assert execute([*timed, sys.executable, "-c", spin]).returncode == 0
     cost = json.loads(log.read_text())
     assert out.read_text() == "done\n" and 0.3 <= cost["cpu_s"] < 30 and sys.executable in cost["command"]
     out.unlink()
-    failed = subprocess.run([*timed, sys.executable, "-c", "print(1); raise SystemExit(3)"], capture_output=True, text=True)
+    failed = execute([*timed, sys.executable, "-c", "print(1); raise SystemExit(3)"], capture_output=True, text=True)
     assert failed.returncode == 1 and "exit status 0, found 3" in failed.stderr
     assert not out.exists() and sorted(os.listdir(tmp_path)) == ["log.json"]
 
 
 def test_statue_is_a_closed_mesh_that_faces_outward(tmp_path):
     obj = tmp_path / "statue.obj"
-    subprocess.run([sys.executable, os.path.join(SCENES, "models", "statue.py"), "--height", "0.3", "--cells", "110",
+    execute([sys.executable, os.path.join(SCENES, "models", "statue.py"), "--height", "0.3", "--cells", "110",
                     "-o", str(obj)], check=True)
     v, n, t = [], [], []
     for line in obj.read_text().splitlines():

@@ -1,7 +1,6 @@
 """What the figures are made with: generators, the array's camera, one probe, the profile spotlight, the shift between pictures,
 and the whole chain of figures 10 and 11 at a thumbnail's size."""
 import os
-import subprocess
 import sys
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 
 from common_util import rgbe_of, write_hdr
 from conftest import TOP, environment, run
+from process import execute
 
 SCENES = TOP / "scenes"
 sys.path.insert(0, str(SCENES))
@@ -22,7 +22,7 @@ import shift  # noqa: E402
 
 
 def script(name, *args, code=0):
-    p = subprocess.run([sys.executable, str(SCENES / name), *map(str, args)], capture_output=True, text=True, timeout=120)
+    p = execute([sys.executable, str(SCENES / name), *map(str, args)], capture_output=True, text=True)
     assert p.returncode == code, p.stderr
     return p
 
@@ -271,8 +271,8 @@ def test_figure_11_as_a_thumbnail(tmp_path):
     env = {k: v for k, v in os.environ.items() if k not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS")}
 
     def make():
-        p = subprocess.run(["make", "--no-print-directory", f"FIG={fig}", *THUMBNAIL, *(f"{fig}/figure11/{f}" for f in goals)], cwd=TOP,
-                           env=env, capture_output=True, text=True, timeout=600)
+        p = execute(["make", "--no-print-directory", f"FIG={fig}", *THUMBNAIL, *(f"{fig}/figure11/{f}" for f in goals)], cwd=TOP,
+                    env=env, capture_output=True, text=True)
         assert p.returncode == 0, p.stdout + p.stderr
     make()
     assert (out / "photo.json").stat().st_size > 0

@@ -1,10 +1,10 @@
 """What the Makefile does, asked with make -n: what is built again, and when."""
 import os
 import re
-import subprocess
 
 import pytest
 from conftest import BUILD, TOP, environment
+from process import execute
 
 OBJECT = "obj/common/base/cli.o"
 
@@ -13,7 +13,7 @@ def would_run(*args):
     """The commands that make would run (make -n)."""
     if BUILD.name == "san":
         args = ("SAN=1", *args)
-    p = subprocess.run(["make", "-n", *args], cwd=TOP, env=environment(MAKEFLAGS="", MAKELEVEL="", CI=""), capture_output=True, text=True)
+    p = execute(["make", "-n", *args], cwd=TOP, env=environment(MAKEFLAGS="", MAKELEVEL="", CI=""), capture_output=True, text=True)
     assert p.returncode == 0, p.stderr
     return re.findall(r"^(?:gcc|cc|clang|g\+\+)\b.*", p.stdout, re.M)
 
@@ -46,7 +46,7 @@ def test_other_linker_flags_link_again_and_compile_nothing(built):
 
 
 def test_help_names_the_three_main_targets_first():
-    p = subprocess.run(["make", "-s", "help"], cwd=TOP, env=environment(MAKEFLAGS="", MAKELEVEL=""), capture_output=True, text=True)
+    p = execute(["make", "-s", "help"], cwd=TOP, env=environment(MAKEFLAGS="", MAKELEVEL=""), capture_output=True, text=True)
     targets = re.findall(r"^  (\S+)", p.stdout, re.M)
     assert targets[:3] == ["demo", "test", "install"] and {"figures", "report", "stability", "bench", "SAN=1"} <= set(targets)
     phony = set(re.findall(r"^\.PHONY:(.*)$", (TOP / "Makefile").read_text(), re.M)[0].split())

@@ -1,10 +1,10 @@
 """Our C lies as .clang-format has it, and rooms include each other downwards only."""
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 from conftest import TOP
+from process import execute
 
 # Radiance code keeps Radiance's dress
 ROOMS = "common ilfmat tools tests".split()
@@ -19,8 +19,8 @@ def sources(*endings):
 def test_c_is_formatted():
     program = Path(sys.executable).with_name("clang-format")
     assert program.is_file(), "clang-format is not in the tests' virtual environment (setup/requirements.txt)"
-    p = subprocess.run([program, "--dry-run", "--Werror", *sources(".c", ".h", ".cpp", ".hpp")], cwd=TOP,
-                       capture_output=True, text=True)
+    p = execute([program, "--dry-run", "--Werror", *sources(".c", ".h", ".cpp", ".hpp")], cwd=TOP,
+                capture_output=True, text=True)
     said = re.findall(r"^(\S+?):(\d+):\d+: error", p.stderr, re.M)
     assert p.returncode == 0, "not as .clang-format has it (build/venv/bin/clang-format -i FILE): " + ", ".join(
         f"{f}:{n}" for f, n in said[:10])
@@ -94,3 +94,12 @@ def test_headers_do_not_include_each_other_in_a_circle():
             done.add(f)
     for f in list(arrows):
         walk(f, [])
+
+
+def test_programs_are_started_with_a_limit_that_a_busy_machine_does_not_break():
+    """tests/process.py limits processor time; a limit by the clock of one's own is a matter of what else the machine does."""
+    own = re.compile(r"subprocess\.(run|Popen|call|check_\w+)\(|os\.(system|popen)\(|\b(communicate|wait|end)\(\s*(timeout=)?[1-9]\d*\s*[,)]|(?<!_)timeout=\d")
+    for path in sorted((TOP / "tests").rglob("*.py")):
+        if path.name not in ("process.py", "mutate.py", "elsewhere.py", "test_form.py"):
+            found = [line.strip() for line in path.read_text().splitlines() if own.search(line)]
+            assert not found, (path, found)

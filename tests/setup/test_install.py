@@ -3,11 +3,11 @@ import os
 import re
 import shutil
 import stat
-import subprocess
 
 import numpy as np
 import pytest
-from conftest import BUILD, SHARED, TOP, environment
+from conftest import BUILD, SHARED, TOP, environment, needed
+from process import execute
 
 SCENE = """void plastic grey
 0
@@ -30,14 +30,12 @@ lamp sphere bulb
 def make(*args, env=None):
     if os.environ.get("ILF_BUILD", "build") != "build":
         args = ("SAN=1", *args)
-    return subprocess.run(["make", "-s", *map(str, args)], cwd=TOP, env=env or environment(MAKEFLAGS="", MAKELEVEL=""), capture_output=True, text=True, timeout=120)
+    return execute(["make", "-s", *map(str, args)], cwd=TOP, env=env or environment(MAKEFLAGS="", MAKELEVEL=""), capture_output=True, text=True)
 
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory):
     """An installation with a DESTDIR that was moved afterwards, blanks in its name: (tree, what was said)."""
-    if not (BUILD / "bin/rpict").exists():
-        pytest.skip("not built: rpict")
     folder = tmp_path_factory.mktemp("install")
     p = make("install", f"DESTDIR={folder}/stage it", "PREFIX=/opt/light field", "PROGRAM_PREFIX=ilf-")
     assert p.returncode == 0, p.stderr
@@ -52,7 +50,7 @@ def shell(tree, text, cwd, raypath=True):
     env = {"PATH": f"{tree}/bin:/usr/bin:/bin", "HOME": str(cwd)}
     if raypath:
         env["RAYPATH"] = f".:{tree}/lib/ray"
-    return subprocess.run(["sh", "-euc", text], cwd=cwd, env=env, capture_output=True, text=True, timeout=100)
+    return execute(["sh", "-euc", text], cwd=cwd, env=env, capture_output=True, text=True)
 
 
 OURS = "hdrgen fishremap falloffcal ilfpack ilfinfo ilftrace stagectl virtualstage virtualcamera".split()
@@ -154,19 +152,18 @@ int main(void)
 @pytest.mark.parametrize("kind", ["shared", "static"])
 def test_library_is_found_by_pkg_config(installed, tmp_path, kind):
     tree, _ = installed
-    if not shutil.which("pkg-config"):
-        pytest.skip("pkg-config is not there")
+    needed("pkg-config")
     (tmp_path / "t.c").write_text(PROGRAM)
     env = dict(os.environ, PKG_CONFIG_PATH=f"{tree}/lib/pkgconfig")
     where = ["--define-variable", f"prefix={tree}", *(["--static"] if kind == "static" else [])]
-    flags = subprocess.run(["pkg-config", *where, "--cflags", "--libs", "ilf"], env=env, capture_output=True, text=True)
+    flags = execute(["pkg-config", *where, "--cflags", "--libs", "ilf"], env=env, capture_output=True, text=True)
     assert flags.returncode == 0, flags.stderr
     flags = flags.stdout.strip()
     if kind == "static":
         flags = flags.replace("-lilf", "-l:libilf.a")
     sanitized = "-fsanitize=address,undefined" if BUILD.name == "san" else ""
-    p = subprocess.run(["sh", "-c", f"eval gcc -o t t.c '{flags}' {sanitized} && LD_LIBRARY_PATH='{tree}/lib' ./t"], cwd=tmp_path,
-                       capture_output=True, text=True)
+    p = execute(["sh", "-c", f"eval gcc -o t t.c '{flags}' {sanitized} && LD_LIBRARY_PATH='{tree}/lib' ./t"], cwd=tmp_path,
+                capture_output=True, text=True)
     assert p.returncode == 0 and p.stdout == "1\n", p.stderr
 
 
@@ -175,21 +172,56 @@ def test_the_shared_library_shows_what_the_header_declares(installed):
     tree, _ = installed
     so = (tree / "lib/libilf.so").resolve()
     assert re.fullmatch(r"libilf\.so\.\d+\.\d+\.\d+\.\d+", so.name)
-    shown = {line.split()[2] for line in subprocess.run(["nm", "-D", "--defined-only", so], capture_output=True, text=True, check=True).stdout.splitlines()
+    shown = {line.split()[2] for line in execute(["nm", "-D", "--defined-only", so], capture_output=True, text=True, check=True).stdout.splitlines()
              if line.split()[1] in "TDB"}
     header = re.sub(r"/\*.*?\*/", "", (tree / "include/ilf.h").read_text(), flags=re.S)
     header = re.sub(r"^typedef [^{;]*;", "", header, flags=re.M)
     header = re.sub(r"static inline[^{]*\{.*?\n\}", "", header, flags=re.S)
     declared = set(re.findall(r"\b(ilf_\w+)\(", header))
     assert shown == declared and len(shown) > 20
-    needed = re.findall(r"NEEDED.*\[(.+?)\]", subprocess.run(["readelf", "-d", so], capture_output=True, text=True, check=True).stdout)
+    libraries = re.findall(r"NEEDED.*\[(.+?)\]", execute(["readelf", "-d", so], capture_output=True, text=True, check=True).stdout)
     # no part of OpenEXR's dependants, no image codec, no OpenCV
-    assert all(re.match(r"lib(c|m|pthread|OpenEXRCore|OpenEXR|gcc_s|asan|ubsan)[-.]|ld-linux", n) for n in needed), needed
+    assert all(re.match(r"lib(c|m|pthread|OpenEXRCore|OpenEXR|gcc_s|asan|ubsan)[-.]|ld-linux", n) for n in libraries), libraries
+
+
+def test_the_chain_runs_from_an_installation(installed, tmp_path):
+    """From a session to a light field and a picture in it, with PATH and the installed tree alone."""
+    tree, _ = installed
+    if " " in str(tree):                                    # make's names must be free of blanks
+        plain = tmp_path / "tree"
+        plain.symlink_to(tree)
+        tree = plain
+    shutil.copytree(tree / "share/ilf/example", tmp_path / "mine")
+    session = tmp_path / "mine/session.conf"
+    session.write_text(session.read_text().replace("nodes = 4x3", "nodes = 2x2").replace("1/4096 1/256 1/16 1", "1/256 1/8").replace("--size 256", "--size 96"))
+    (tmp_path / "mine/scene.rad").write_text(f"""void ilf room
+1 {tmp_path}/mine/out/room.ilf.exr
+0
+0
+room bubble around
+0
+0
+4 0 0 0 2
+void plastic grey
+0
+0
+5 .5 .5 .5 0 0
+grey sphere ball
+0
+0
+4 0 0 .05 .04
+""")
+    p = shell(tree, f"make -s -f '{tree}/share/ilf/chain/capture.mk' CAPTURE=session.conf QUIET=--quiet && ilf-ilfinfo out/room.ilf.exr &&"
+              "oconv scene.rad > scene.oct && rpict -w -vp 0 -.3 .1 -vd 0 1 -.2 -x 40 -y 40 scene.oct | pvalue -h -H -d -b > values", tmp_path / "mine", raypath=False)
+    assert p.returncode == 0, p.stderr
+    assert "2 x 2 probes" in p.stdout, p.stdout
+    values = np.loadtxt(tmp_path / "mine/values")
+    assert values.size == 1600 and np.isfinite(values).all() and values.mean() > 0
+    again = shell(tree, f"make -f '{tree}/share/ilf/chain/capture.mk' CAPTURE=session.conf QUIET=--quiet", tmp_path / "mine", raypath=False)
+    assert again.returncode == 0 and "hdrgen" not in again.stdout + again.stderr
 
 
 def test_prefix_may_be_relative_and_installing_twice_is_the_same(tmp_path):
-    if not (BUILD / "bin/rpict").exists():
-        pytest.skip("not built: rpict")
     for _ in range(2):
         p = make("install", f"PREFIX={tmp_path}/x")
         assert p.returncode == 0 and re.search(rf"installed under {tmp_path}/x", p.stdout), p.stderr
@@ -210,7 +242,7 @@ def test_env_keeps_what_the_shell_had(before):
     line = make("env", env=env).stdout
     assert line.count("\n") == 1
     for sh in ("sh", "bash"):
-        p = subprocess.run([sh, "-euc", 'eval "$LINE"; printf "%s\\n" "$PATH" "$RAYPATH" "$MANPATH"'], env=dict(env, LINE=line), capture_output=True, text=True)
+        p = execute([sh, "-euc", 'eval "$LINE"; printf "%s\\n" "$PATH" "$RAYPATH" "$MANPATH"'], env=dict(env, LINE=line), capture_output=True, text=True)
         assert p.returncode == 0, p.stderr
         path, ray, man = p.stdout.splitlines()
         assert path.startswith(f"{BUILD}/bin:") and path.endswith(":/opt/a b:/usr/bin:/bin")

@@ -1,14 +1,14 @@
 """Any capture, within what its programs accept: hypothesis chooses lenses, pictures, readings, series, arrays, stages."""
 import json
-import subprocess
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, strategies as st
 
 import fishremap_util as U
-from conftest import BUILD, environment, one_line_error, run
+from conftest import driver, environment, one_line_error, run
 from hdrgen_util import CAMERAS, expose, hdrgen, inverse, log2_errors, radiance, read_exr, scene, write_png, write_times
+from process import execute
 from stability.conftest import examples
 from stability.test_any_field import log_uniform, seeds
 from stage_util import session
@@ -24,15 +24,12 @@ FISH, HDR = "tools/fishremap/", "tools/hdrgen/"
 @pytest.mark.case("any lens table", FISH + "lens.c", "1..12 steps 1e-4 .. 1 wide, 1e-6 .. 1e6 high", "the inverse, to rounding, at 17 radii")
 def test_any_lens_table(tmp_path, steps, share, last):
     """fuzz_lens holds what it is given against the lens's own curve (fuzz_lens.c)."""
-    driver = BUILD / "test/fuzz_lens"
-    if not driver.is_file():
-        pytest.skip("the test driver fuzz_lens is not built: run make test")
     angle, r = np.cumsum([[0, 0], *steps], axis=0).T
     angle, r = angle / angle[-1] * last, r / r[-1]
     assume((np.diff(angle) > 1e-9).all() and (np.diff(r) > 0).all())
     path = tmp_path / "lens.txt"
     path.write_text("table\n" + "".join(f"{a!r} {b!r}\n" for a, b in zip(angle.tolist(), r.tolist())) + f"fov {2 * last * share!r}\n")
-    p = subprocess.run([str(driver), str(path)], capture_output=True, text=True, env=environment(), timeout=60)
+    p = execute([driver("fuzz_lens"), str(path)], capture_output=True, text=True, env=environment())
     assert p.returncode == 0, (path.read_text(), p.stderr)
 
 

@@ -1,9 +1,9 @@
 """The kept corpus of each fuzz target, once more under this compiler: seeds of every kind, and all that was ever found."""
-import subprocess
 
 import pytest
 
 from conftest import BUILD, TOP, environment
+from process import execute
 
 CORPUS = TOP / "tests/fuzz/corpus"
 GUARDS = {"curve": "tools/twin/curvefile.c", "exr": "common/image/image_exr.c", "falloff": "tools/fishremap/falloff.c", "grbl": "tools/stagectl/grbl_talk.c",
@@ -22,6 +22,6 @@ def test_every_target_has_its_corpus():
 def test_replay(name, row):
     files = sorted((CORPUS / name).iterdir())
     assert sum(f.stat().st_size for f in files) < 64000, "keep it small"
-    p = subprocess.run([BUILD / "test" / f"fuzz_{name}", *files], capture_output=True, text=True, timeout=120, env=environment())
+    p = execute([BUILD / "test" / f"fuzz_{name}", *files], capture_output=True, text=True, env=environment())
     assert p.returncode == 0 and f"{len(files)} inputs" in p.stdout, p.stderr[-3000:]
     row(condition=f"{name}: {len(files)} inputs")

@@ -12,6 +12,7 @@ from PIL import Image
 
 from conftest import BUILD, command, environment, one_line_error, run, run_measured
 from ilf_util import ILF, random_ilf, rays_text, write_ilf
+from process import execute, Process
 from stage_util import Stage, session
 from stability.conftest import WIDE
 
@@ -93,14 +94,13 @@ def attempt(job, folder, fault=None, limit=None):
     env = environment(ASAN_OPTIONS="verify_asan_link_order=0:detect_leaks=0")
     argv = command(job.program, job.words)
     if fault:
-        argv = ["env", f"FAULT={fault}", f"LD_PRELOAD={SHIM}", *argv]
+        env.update(FAULT=fault, LD_PRELOAD=str(SHIM))
 
     def small():
-        if limit is not None:
-            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-    return subprocess.run(argv, cwd=folder, input=job.stdin, capture_output=True, env=env, timeout=60, preexec_fn=small,
-                          restore_signals=False)
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+    return execute(argv, cwd=folder, input=job.stdin, capture_output=True, env=env, preexec_fn=None if limit is None else small,
+                   restore_signals=False)
 
 
 def result_of(job, folder, p):
@@ -198,7 +198,7 @@ def test_disk_full_at_any_byte(inputs, tmp_path, name, row):
         row(result="no file: /dev/full instead")
         folder, before = place(folder0, job, tmp_path)
         with open("/dev/full", "wb") as full:
-            p = subprocess.run(command(job.program, job.words), cwd=folder, input=job.stdin, stdout=full, stderr=subprocess.PIPE, env=environment())
+            p = execute(command(job.program, job.words), cwd=folder, input=job.stdin, stdout=full, stderr=subprocess.PIPE, env=environment())
         assert p.returncode == 1 and p.stderr.count(b"\n") == 1
         return
     good = reference(folder0, job, tmp_path)
@@ -282,17 +282,17 @@ def test_names_and_places(inputs, tmp_path, name, row):
 def test_closed_standard_output(inputs, tmp_path):
     folder, jobs = inputs
     rays = jobs["ilftrace"].stdin * 300
-    give = subprocess.Popen(command("ilftrace", ["zip.ilf.exr"]), cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                            env=environment())
-    head = subprocess.Popen(["head", "-1"], stdin=give.stdout, stdout=subprocess.DEVNULL)
+    give = Process(command("ilftrace", ["zip.ilf.exr"]), cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                   env=environment())
+    head = Process(["head", "-1"], stdin=give.stdout, stdout=subprocess.DEVNULL)
     give.stdout.close()
     try:
         give.stdin.write(rays)
         give.stdin.close()
     except BrokenPipeError:
         pass
-    head.wait(20)
-    assert give.wait(20) in (1, -signal.SIGPIPE)
+    head.wait()
+    assert give.wait() in (1, -signal.SIGPIPE)
     assert give.stderr.read().count(b"\n") <= 1
     give.stderr.close()
 
@@ -320,7 +320,7 @@ def capture(path, stage, fault=None, code=(0,), env_more=None):
     argv = command("stagectl", ["-q", "--port", stage.port, "capture", path])
     if fault:
         argv = ["env", f"FAULT={fault}", f"LD_PRELOAD={SHIM}", *argv]
-    p = subprocess.run(argv, capture_output=True, env=environment(ASAN_OPTIONS="verify_asan_link_order=0:detect_leaks=0"), timeout=120)
+    p = execute(argv, capture_output=True, env=environment(ASAN_OPTIONS="verify_asan_link_order=0:detect_leaks=0"))
     assert p.returncode in code, (fault, p.returncode, p.stderr)
     assert b"Sanitizer" not in p.stderr and b"runtime error" not in p.stderr
     return p
@@ -356,8 +356,8 @@ def test_session_faults(tmp_path, fault, code):
 
 def logged(tmp_path, argv, cwd=None):
     log = tmp_path / "calls"
-    p = subprocess.run(["env", f"FAULT_LOG={log}", f"LD_PRELOAD={SHIM}", *argv], cwd=cwd, capture_output=True,
-                       env=environment(ASAN_OPTIONS="verify_asan_link_order=0:detect_leaks=0"), timeout=120)
+    p = execute(["env", f"FAULT_LOG={log}", f"LD_PRELOAD={SHIM}", *argv], cwd=cwd, capture_output=True,
+                env=environment(ASAN_OPTIONS="verify_asan_link_order=0:detect_leaks=0"))
     assert p.returncode == 0, p.stderr
     return [line.split(" ", 1) for line in log.read_text().splitlines()]
 

@@ -9,6 +9,7 @@ from hypothesis import given, strategies as st
 
 from conftest import BUILD, command, environment, one_line_error, run, run_measured
 from ilf_util import ILF, assert_same, edited, f32, random_ilf, sparse_ilf, tile_offsets, unit, write_ilf
+from process import execute, Process
 from stability.conftest import WIDE
 from test_ilf_eval import trace
 from test_ilf_sampling import sample
@@ -156,7 +157,7 @@ def facts(text):
 def test_rays_by_the_million(fields, name, row):
     """Six fields make 1e7; grazing, poles, seam, nodes, at probes, horizon, far and below (see ilfstorm.c)."""
     n = 1_700_000
-    p = subprocess.run([STORM, "lib", str(fields[name]), "7", str(n)], capture_output=True, text=True, timeout=600)
+    p = execute([STORM, "lib", str(fields[name]), "7", str(n)], capture_output=True, text=True)
     got = facts(p.stdout)
     assert got["rays"] == n and got["pairs"] > n / 8 and got["scaled"] > n / 8
     row(condition=f"{name}, {n:.2g} rays, scales 1e-6..1e6", result=f"{got['jumps']:.0f} jumps, {got['nonfinite']:.0f} NaN, {got['negative']:.0f} < 0",
@@ -171,13 +172,13 @@ def test_rays_through_ilftrace(fields, name, depth, scale, row):
     """1e5 each in the suite, 1.2e6 (1e7 in all) in make stability."""
     n = (1_200_000 if WIDE else 60_000)
     path, env = str(fields[name]), environment()
-    plane = subprocess.run([STORM, "plane", path, repr(scale)], capture_output=True, text=True, check=True).stdout.strip()
-    give = subprocess.Popen([STORM, "rays", path, "8", str(n), repr(scale)], stdout=subprocess.PIPE)
-    middle = subprocess.Popen(command("ilftrace", [*([] if depth else ["--nodepth"]), "--plane", plane, path]), stdin=give.stdout,
-                              stdout=subprocess.PIPE, env=env)
+    plane = execute([STORM, "plane", path, repr(scale)], capture_output=True, text=True, check=True).stdout.strip()
+    give = Process([STORM, "rays", path, "8", str(n), repr(scale)], stdout=subprocess.PIPE)
+    middle = Process(command("ilftrace", [*([] if depth else ["--nodepth"]), "--plane", plane, path]), stdin=give.stdout,
+                     stdout=subprocess.PIPE, env=env)
     give.stdout.close()
-    p = subprocess.run([STORM, "check", path, "8", str(n), "depth" if depth else "nodepth"], stdin=middle.stdout, capture_output=True,
-                       text=True, timeout=900)
+    p = execute([STORM, "check", path, "8", str(n), "depth" if depth else "nodepth"], stdin=middle.stdout, capture_output=True,
+                text=True)
     middle.stdout.close()
     assert give.wait() == 0 and middle.wait() == 0
     got = facts(p.stdout)

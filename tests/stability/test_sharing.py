@@ -10,6 +10,7 @@ import pytest
 
 from conftest import TOP, command, environment, one_line_error, run
 from ilf_util import ILF, random_ilf, rays_text, write_ilf
+from process import execute, Process
 from stability.conftest import WIDE
 from stage_util import Stage, script, session
 from test_ilf_eval import trace
@@ -26,14 +27,14 @@ def test_replaced_while_read(tmp_path, compression):
     """ilftrace is fed one ray, the file is replaced, then the rays that need all other probes."""
     path = constant(2, compression, tmp_path / "f.ilf.exr")
     new = constant(4, compression, tmp_path / "new.exr")
-    p = subprocess.Popen(["stdbuf", "-o0", *command("ilftrace", [path])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                         bufsize=0, env=environment(ASAN_OPTIONS="verify_asan_link_order=0"))
+    p = Process(["stdbuf", "-o0", *command("ilftrace", [path])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                bufsize=0, env=environment(ASAN_OPTIONS="verify_asan_link_order=0"))
     p.stdin.write(b"0 0 1 0 0 1 0 0 1\n" * 400)     # beyond what stdin buffers: the answers have begun
     p.stdin.flush()
     first = p.stdout.readline()
     os.replace(new, path)
     grid = np.stack([*np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 9)), np.zeros((9, 9))], -1).reshape(-1, 3)
-    rest, err = p.communicate(rays_text(grid, np.broadcast_to([.1, .2, 1.], grid.shape), grid).encode(), timeout=60)
+    rest, err = p.communicate(rays_text(grid, np.broadcast_to([.1, .2, 1.], grid.shape), grid).encode())
     values = np.array((first + rest).split(), float)
     assert p.returncode == 0, err
     assert np.abs(values - 2).max() < .02, ("mixed", values.min(), values.max())     # DWA is lossy
@@ -44,15 +45,15 @@ def test_replaced_while_read(tmp_path, compression):
 def test_overwritten_while_read(tmp_path, which):
     """A mapped file changes under its reader: no answer may be taken for the opened file's."""
     path, new = constant(2, path=tmp_path / "f.ilf.exr"), constant(4, path=tmp_path / "new.exr")
-    p = subprocess.Popen(["stdbuf", "-o0", *command("ilftrace", [path])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                         bufsize=0, env=environment(ASAN_OPTIONS="verify_asan_link_order=0"))
+    p = Process(["stdbuf", "-o0", *command("ilftrace", [path])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                bufsize=0, env=environment(ASAN_OPTIONS="verify_asan_link_order=0"))
     p.stdin.write(b"0 0 1 0 0 1 0 0 1\n" * 400)
     p.stdin.flush()
     p.stdout.readline()
     with open(path, "r+b") as f:
         f.write(new.read_bytes())
     there = "1 1" if which == "another probe" else "0 0"
-    out, err = p.communicate(f"{there} 0 0 0 1 {there} 0\n".encode(), timeout=60)
+    out, err = p.communicate(f"{there} 0 0 0 1 {there} 0\n".encode())
     assert p.returncode == 1 and err.count(b"\n") == 1 and b"changed" in err, (p.returncode, err)
 
 
@@ -61,14 +62,14 @@ def test_overwritten_while_rendered(tmp_path):
     path, new = constant(2, path=tmp_path / "f.ilf.exr"), constant(4, path=tmp_path / "new.exr")
     (tmp_path / "s.rad").write_text("void ilf env\n1 f.ilf.exr\n0\n0\nenv bubble sky\n0\n0\n4 .5 .5 0 5\n")
     (tmp_path / "s.oct").write_bytes(run("oconv", "s.rad", cwd=tmp_path).out)
-    p = subprocess.Popen(["stdbuf", "-o0", *command("rtrace", ["-h", "s.oct"])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                         bufsize=0, cwd=tmp_path, env=environment(ASAN_OPTIONS="verify_asan_link_order=0"))
+    p = Process(["stdbuf", "-o0", *command("rtrace", ["-h", "s.oct"])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                bufsize=0, cwd=tmp_path, env=environment(ASAN_OPTIONS="verify_asan_link_order=0"))
     p.stdin.write(b"0 0 .1 0 0 1\n" * 2000)
     p.stdin.flush()
     p.stdout.readline()
     with open(path, "r+b") as f:
         f.write(new.read_bytes())
-    _, err = p.communicate(b"0 0 .1 0 0 1\n", timeout=60)
+    _, err = p.communicate(b"0 0 .1 0 0 1\n")
     assert p.returncode == 1 and err.count(b"\n") == 1 and b"changed" in err, (p.returncode, err)
 
 
@@ -116,7 +117,7 @@ def test_shared(tmp_path):
     rng = np.random.default_rng(3)
     o = rng.uniform(0, 1, (5000, 3))
     text = rays_text(o, rng.normal(size=(5000, 3)), o).encode()
-    many = [subprocess.Popen(command("ilftrace", [path]), stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment()) for _ in range(4)]
+    many = [Process(command("ilftrace", [path]), stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment()) for _ in range(4)]
     out = [None] * 4
 
     def feed(k):
@@ -135,9 +136,9 @@ def test_same_output(tmp_path):
     for k in range(4):
         OpenEXR.File({"type": OpenEXR.scanlineimage}, {"RGB": np.full((32, 64, 3), k + 1, np.float32)}).write(str(tmp_path / f"{k}.exr"))
     before = {p.name for p in tmp_path.iterdir()}
-    many = [subprocess.Popen(command("ilfpack", ["-q", "--grid", "2x2", "--plane", "0 0 0 1 0 0 0 1 0", "-o", "out.ilf.exr", *[f"{k % 4}.exr"] * 4]),
-                             cwd=tmp_path, env=environment()) for k in range(8)]
-    assert [p.wait(60) for p in many] == [0] * 8
+    many = [Process(command("ilfpack", ["-q", "--grid", "2x2", "--plane", "0 0 0 1 0 0 0 1 0", "-o", "out.ilf.exr", *[f"{k % 4}.exr"] * 4]),
+                    cwd=tmp_path, env=environment()) for k in range(8)]
+    assert [p.wait() for p in many] == [0] * 8
     assert {p.name for p in tmp_path.iterdir()} == before | {"out.ilf.exr"}
     got = trace(tmp_path / "out.ilf.exr", np.array([[.2, .3, 0], [.9, .9, 0]]), np.array([[0, 0, 1.], [.3, .2, 1]]), np.array([[.2, .3, 0], [.9, .9, 0]]))
     assert got.min() == got.max() and got.max() in (1, 2, 3, 4)
@@ -147,11 +148,9 @@ def test_same_output(tmp_path):
 @pytest.mark.case("two makes in one tree", "Makefile", "2 at once, from nothing", "both end, the library is whole")
 def test_two_makes(tmp_path):
     """Both build libilf in a copy: objects and archives of one must not break the other's."""
-    if not shutil.which("make"):
-        pytest.skip("make is not installed")
     tree = tmp_path / "tree"
     tree.mkdir()
-    for name in subprocess.run(["git", "ls-files"], cwd=TOP, capture_output=True, text=True).stdout.split("\n") or []:
+    for name in execute(["git", "ls-files"], cwd=TOP, capture_output=True, text=True).stdout.split("\n") or []:
         if name.split("/")[0] in ("common", "ilfmat", "Makefile", "setup", "radiance_patch", "man") or name.endswith(".mk"):
             (tree / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(TOP / name, tree / name)
@@ -161,12 +160,12 @@ def test_two_makes(tmp_path):
     for stamp in (".debs-radiance", ".debs-tools", ".debs-test"):
         (tree / "build" / stamp).touch()
     env = {k: v for k, v in environment().items() if not k.startswith("MAKE")}
-    many = [subprocess.Popen(["make", "OPT=-O0", "build/bin/ilfinfo"], cwd=tree, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=env) for _ in range(2)]
-    said = [p.communicate(timeout=300)[0] for p in many]
-    last = subprocess.run(["make", "OPT=-O0", "build/bin/ilfinfo"], cwd=tree, capture_output=True, env=env)
+    many = [Process(["make", "OPT=-O0", "build/bin/ilfinfo"], cwd=tree, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=env) for _ in range(2)]
+    said = [p.communicate()[0] for p in many]
+    last = execute(["make", "OPT=-O0", "build/bin/ilfinfo"], cwd=tree, capture_output=True, env=env)
     assert last.returncode == 0, last.stderr
     assert [p.returncode for p in many] == [0, 0], said
-    assert subprocess.run([tree / "build/bin/ilfinfo", "--version"], capture_output=True).returncode == 0
+    assert execute([tree / "build/bin/ilfinfo", "--version"], capture_output=True).returncode == 0
 
 
 # ---- nothing reaches a shell ------------------------------------------------------------------------------------------------

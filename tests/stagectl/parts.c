@@ -2,12 +2,14 @@
  * parts.c - test driver for stagectl's pure parts.
  *
  *   parts digest FILE ...    SHA-256, bytes and name of each file, a line each
+ *   parts words              a command line on stdin; a line each word
  *   parts ini                a session-like text on stdin; per key: line, section, key and value, each in [ ]
  */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "../../tools/stagectl/argwords.h"
 #include "../../tools/stagectl/ini.h"
 #include "../../tools/stagectl/sha256.h"
 
@@ -34,11 +36,24 @@ static int show(void *arg, const char *section, const char *key, const char *val
     return 0;
 }
 
+static char text[1 << 16];
+
+static int words_main(void)
+{
+    argwords a;
+    errmsg e;
+    if (argwords_split(&a, text, &e) != 0) {
+        fprintf(stderr, "%s\n", e.text);
+        return 1;
+    }
+    for (int k = 0; k < a.n; k++) puts(a.word[k]);
+    argwords_free(&a);
+    return 0;
+}
+
 static int ini_main(void)
 {
-    static char text[1 << 16];
     errmsg e;
-    text[fread(text, 1, sizeof text - 1, stdin)] = 0;
     if (ini_parse(text, "stdin", show, NULL, &e) == 0) return 0;
     fprintf(stderr, "%s\n", e.text);
     return 1;
@@ -48,6 +63,8 @@ int main(int argc, char **argv)
 {
     const char *what = argc > 1 ? argv[1] : "";
     if (strcmp(what, "digest") == 0) return digest_main(argv + 2);
+    text[fread(text, 1, sizeof text - 1, stdin)] = 0;
+    if (strcmp(what, "words") == 0) return words_main();
     if (strcmp(what, "ini") == 0) return ini_main();
     return 2;
 }

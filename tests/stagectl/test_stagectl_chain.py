@@ -1,15 +1,15 @@
 """scenes/capture.mk: from a session to its light field on the virtual stage, stopped and gone on with."""
 import math
 import os
-import shutil
 import signal
 import subprocess
 import time
 
 import numpy as np
 import pytest
-from conftest import BUILD, TOP, environment, run
+from conftest import BUILD, TOP, environment, needed
 from ilf_util import read_mosaic, unmosaic
+from process import execute, Process
 from stage_util import journal
 
 NEEDED = "stagectl virtualstage virtualcamera hdrgen fishremap ilfpack oconv rtrace".split()
@@ -19,9 +19,7 @@ PLANE = "-.15 -.1 0 .3 0 0 0 .2 0"
 @pytest.fixture
 def room(tmp_path):
     """A 2 x 2 session of the example's room at small sizes; the lamp's energy is known."""
-    missing = [p for p in NEEDED if not shutil.which(p, path=environment()["PATH"])]
-    if missing:
-        pytest.skip(f"not built: {' '.join(missing)}")
+    needed(*NEEDED)
     (tmp_path / "room.rad").write_text("""void light l
 0
 0
@@ -65,14 +63,14 @@ ilfpack = --type float
 
 
 def make(room, *args, **kw):
-    return subprocess.Popen(["make", "-C", TOP / "scenes", f"CAPTURE={room}/s.conf", f"BUILD={BUILD}", "-j2", "QUIET=--quiet", *args],
-                            env=environment(MAKEFLAGS="", MAKELEVEL=""), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                            start_new_session=True, **kw)
+    return Process(["make", "-C", TOP / "scenes", f"CAPTURE={room}/s.conf", f"BUILD={BUILD}", "-j2", "QUIET=--quiet", *args],
+                   env=environment(MAKEFLAGS="", MAKELEVEL=""), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                   start_new_session=True, **kw)
 
 
 def made(room, *args):
     p = make(room, *args)
-    text, _ = p.communicate(timeout=120)
+    text, _ = p.communicate()
     assert p.returncode == 0, text
     return text
 
@@ -115,7 +113,7 @@ def test_stopped_and_gone_on_with(room):
         p = make(room)
         time.sleep(wait)
         os.killpg(p.pid, signal.SIGKILL)
-        p.communicate(timeout=20)
+        p.communicate()
     made(room)
     shots = [tuple(r[1:4]) for r in journal(room / "out") if r[0] == "shot"]
     assert len(shots) == len(set(shots)) == 12 and (room / "out/room.ilf.exr").exists()
@@ -126,7 +124,7 @@ def test_refusals(room):
     for change, words in (("nodes = 2x2\n", "nodes = 2y2\n"), "expected WxH"), (("[output]\n", "[output]\ntimes = t{i}{j}.txt\n"), "times in the folder"):
         (room / "s.conf").write_text(text.replace(*change))
         p = make(room)
-        out, _ = p.communicate(timeout=60)
+        out, _ = p.communicate()
         assert p.returncode != 0 and words in out
-    p = subprocess.run(["make", "-C", TOP / "scenes", "CAPTURE=none.conf"], capture_output=True, text=True)
+    p = execute(["make", "-C", TOP / "scenes", "CAPTURE=none.conf"], capture_output=True, text=True)
     assert p.returncode != 0 and "none.conf is not there" in p.stderr

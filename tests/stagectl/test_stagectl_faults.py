@@ -4,13 +4,13 @@ import os
 import random
 import shutil
 import signal
-import subprocess
 import time
 from pathlib import Path
 
 import pytest
 from conftest import command, environment, run
-from stage_util import PYTHON, UNIQUE, Run, Stage, journal, pictures, script, session, shots
+from process import execute
+from stage_util import PYTHON, SOON, UNIQUE, Run, Stage, journal, pictures, script, session, shots
 
 
 def capture(path, stage, *args, **kw):
@@ -109,16 +109,16 @@ printf 'P6\\n1 1\\n255\\nabc' > "$1"
 
 # ---- line and stage --------------------------------------------------------------------------------------------
 
-def test_unplugged_in_a_move_is_reported_within_two_seconds(tmp_path):
+def test_unplugged_in_a_move_is_reported_soon(tmp_path):
     with Stage(tmp_path, factor=5) as stage:
         r = Run("--port", stage.port, "capture", session(tmp_path))
-        stage.wait_moving(30)
+        stage.wait_moving()
         while stage.truth()[0] > -100:      # past homing, on the way to the first node
             time.sleep(0.02)
         stage.process.kill()
         start = time.monotonic()
-        code, _, err = r.end(10)
-        assert code == 3 and "disconnected" in err and time.monotonic() - start < 2
+        code, _, err = r.end()
+        assert code == 3 and "disconnected" in err and time.monotonic() - start < SOON
 
 
 @pytest.mark.parametrize("fault, code, words", [
@@ -129,7 +129,7 @@ def test_faults_in_a_move_then_resume(tmp_path, fault, code, words):
     """In words, with their code; and the next run homes, goes on and finishes."""
     path, folder = session(tmp_path), tmp_path / "out"
     with Stage(tmp_path, "--fault", fault, factor=100) as stage:
-        r = capture(path, stage, code=code, timeout=40)
+        r = capture(path, stage, code=code)
         assert words in r.err, r.err
         before = shots(folder)
         if fault.split("@")[0] in ("alarm1", "alarm3", "error9", "reboot"):
@@ -154,7 +154,7 @@ def test_a_rebooted_controller_while_exposing_spoils_the_exposure(tmp_path):
             time.sleep(0.01)
         g.say("\r\nGrbl 1.1f ['$' for help]\r\n")
         (tmp_path / "go").write_text("x\n")
-        code, _, err = r.end(20)
+        code, _, err = r.end()
     finally:
         g.close()
     assert code == 4 and "restarted while exposing" in err and (1, 0, 0) not in shots(tmp_path / "out")
@@ -164,7 +164,7 @@ def test_no_controller_there(tmp_path):
     with Stage(tmp_path, "--deaf") as stage:
         start = time.monotonic()
         r = run("stagectl", "--port", stage.port, "home", code=3)
-        assert "no answer" in r.err and time.monotonic() - start < 15
+        assert "no answer" in r.err and time.monotonic() - start < SOON
     assert "expected a serial port" in run("stagectl", "--port", "/dev/null", "home", code=1).err
     assert "No such file" in run("stagectl", "--port", tmp_path / "none", "home", code=1).err
 
@@ -183,7 +183,7 @@ def test_one_at_a_time(tmp_path):
     with Stage(tmp_path, factor=5) as stage:
         path = session(tmp_path)
         r = Run("--port", stage.port, "capture", path)
-        stage.wait_moving(30)
+        stage.wait_moving()
         other = run("stagectl", "--port", stage.port, "where", code=1)
         assert "in use by another program" in other.err
         again = run("stagectl", "--port", stage.port, "capture", path, code=1)
@@ -234,16 +234,16 @@ def test_a_camera_that_is_not_there(tmp_path):
         assert "no-such-camera-program: No such file" in capture(path, stage, code=1).err
 
 
-@pytest.mark.parametrize("body", ["sleep 60", "trap '' TERM; sleep 60 & wait; sleep 60", "(trap '' TERM; sleep 61) & sleep 60"])
+@pytest.mark.parametrize("body", ["sleep 600", "trap '' TERM; sleep 600 & wait; sleep 600", "(trap '' TERM; sleep 601) & sleep 600"])
 def test_a_camera_that_hangs_is_ended_with_all_its_children(tmp_path, body):
     camera = script(tmp_path, f"#!/bin/sh\necho $$ >> {tmp_path}/pids\n{body}\n")
     path = session(tmp_path, f"{camera} {{file}}", camera={"exposures": "0.1", "timeout": 0.3, "kill_after": 0.2})
     with Stage(tmp_path) as stage:
         start = time.monotonic()
         r = capture(path, stage, code=1)
-        assert "not done after 0.4 s" in r.err and time.monotonic() - start < 10
+        assert "not done after 0.4 s" in r.err and time.monotonic() - start < SOON
     group = (tmp_path / "pids").read_text().split()[0]
-    left = subprocess.run(["ps", "-o", "pid=,stat=", "-g", group], capture_output=True, text=True).stdout.split("\n")
+    left = execute(["ps", "-o", "pid=,stat=", "-g", group], capture_output=True, text=True).stdout.split("\n")
     assert not [s for s in left if s and "Z" not in s]
 
 
@@ -255,7 +255,7 @@ def test_an_interrupt_ends_the_camera_too(tmp_path):
         while not (tmp_path / "pids").exists():
             time.sleep(0.01)
         r.kill(signal.SIGINT)
-        assert r.end(10)[0] == 130
+        assert r.end()[0] == 130
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pids").read_text()), 0)
 
@@ -392,7 +392,7 @@ def test_folder_that_can_not_be_written(tmp_path):
 
 def test_disk_full_then_resume(tmp_path):
     """On a file system of 64 kB, mounted in a name space of its own; then it grows."""
-    if subprocess.run(["unshare", "-rm", "mount", "-t", "tmpfs", "none", "/mnt"], capture_output=True).returncode != 0:
+    if execute(["unshare", "-rm", "mount", "-t", "tmpfs", "none", "/mnt"], capture_output=True).returncode != 0:
         pytest.skip("a small file system can't be mounted here (unshare -rm)")
     small = tmp_path / "small"
     small.mkdir()
@@ -400,7 +400,7 @@ def test_disk_full_then_resume(tmp_path):
     path = session(tmp_path, f"{camera} {{file}}", output={"folder": small / "out"}, camera={"file_mb": 0.006})
     with Stage(tmp_path) as stage:
         go = " ".join(command("stagectl", ["--port", stage.port, "capture", path]))
-        r = subprocess.run(["unshare", "-rm", "bash", "-c", f"""
+        r = execute(["unshare", "-rm", "bash", "-c", f"""
             mount -t tmpfs -o size=64k none {small}; {go}; echo first $?; cp -a {small}/out {tmp_path}/before
             mount -o remount,size=1m {small}; {go}; echo second $?; {command('stagectl', [])[0]} verify {path}
             cp -a {small}/out {tmp_path}/after"""], capture_output=True, text=True, env=environment())
@@ -415,8 +415,8 @@ def test_disk_full_in_the_journal(tmp_path):
     path, folder = session(tmp_path), tmp_path / "out"
     with Stage(tmp_path) as stage:
         shell = "ulimit -f 3; trap '' XFSZ; exec \"$@\""      # 512-byte blocks or 1 kB: the journal needs more
-        r = subprocess.run(["bash", "-c", shell, "-", *command("stagectl", ["--port", stage.port, "capture", path])],
-                           capture_output=True, text=True, env=environment())
+        r = execute(["bash", "-c", shell, "-", *command("stagectl", ["--port", stage.port, "capture", path])],
+                    capture_output=True, text=True, env=environment())
         assert r.returncode == 1 and "journal" in r.stderr and "File too large" in r.stderr
         assert (folder / "journal").read_bytes().endswith(b"\n") and journal(folder)
         capture(path, stage)
@@ -440,7 +440,7 @@ def test_a_day_long_session(tmp_path, nodes):
     total = n * m * 16
     start = time.monotonic()
     for _ in range(20):
-        subprocess.run(["cp", source, tmp_path / "copy.png"], check=True)
+        execute(["cp", source, tmp_path / "copy.png"], check=True)
     one_copy = (time.monotonic() - start) / 20
     with Stage(tmp_path, factor=5000) as stage:
         r = Run("--port", stage.port, "capture", path)

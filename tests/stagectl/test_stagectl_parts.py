@@ -1,20 +1,21 @@
-"""stagectl's pure parts against Python's: digests (hashlib) and session files' form (configparser)."""
+"""stagectl's pure parts against Python's: digests (hashlib), session files' form (configparser), command lines (shlex)."""
 import configparser
 import hashlib
 import re
-import subprocess
+import shlex
 
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
 from conftest import BUILD
+from process import execute
 
 PARTS = BUILD / "test/stagectlparts"
 
 
 def parts(*args, stdin=b"", code=0):
-    p = subprocess.run([PARTS, *map(str, args)], input=stdin, capture_output=True, timeout=60)
+    p = execute([PARTS, *map(str, args)], input=stdin, capture_output=True)
     assert p.returncode == code, p.stderr
     return p.stdout.decode() if code == 0 else p.stderr.decode()
 
@@ -79,3 +80,17 @@ def test_session_files_read_as_configparser_reads_them(sections, end):
 def test_what_is_no_session_file_is_refused_with_its_line(text, line, words):
     said = parts("ini", stdin=text.encode(), code=1)
     assert said.startswith(f"stdin:{line}: ") and words in said
+
+
+# ---- command lines ---------------------------------------------------------------------------------------
+
+@given(st.text("ab '\"\\\t$*;é", max_size=20))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_command_lines_are_split_as_shlex_splits_them(text):
+    try:
+        want = shlex.split(text)
+    except ValueError as err:                 # a backslash at the end is a word's last character to us, an error to shlex
+        if "quotation" in str(err):
+            parts("words", stdin=text.encode(), code=1)
+        return
+    assert parts("words", stdin=text.encode()).splitlines() == want

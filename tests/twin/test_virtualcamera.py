@@ -21,8 +21,6 @@ def lamp(x, y, z, radius, radiance, name="lamp"):
 
 
 def octree(folder, scene, name="scene"):
-    if not RTRACE:
-        pytest.skip("rtrace is not built")
     (folder / f"{name}.rad").write_text(scene)
     (folder / f"{name}.oct").write_bytes(run("oconv", "-f", folder / f"{name}.rad").out)
     return folder / f"{name}.oct"

@@ -15,7 +15,8 @@
 #define DEG      (M_PI / 180)
 #define MAX_ROWS 4096
 
-/* Monotone cubic (Fritsch-Carlson) through n points, evaluated at t; held outside. */
+/* Monotone cubic (Fritsch-Carlson) through n points, evaluated at t; held outside.  As scipy's
+ * PchipInterpolator, but flat on the axis; LAPACK has no interpolation. */
 static double monotone_cubic(const double *x, const double *y, int n, double t)
 {
     if (n == 1 || t <= x[0]) return y[0];

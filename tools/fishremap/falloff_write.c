@@ -7,6 +7,7 @@
 #include <stdio.h>
 
 #include "base/outfile.h"
+#include "base/svgplot.h"
 
 #define DEG (M_PI / 180)
 
@@ -47,66 +48,38 @@ int falloff_write(const char *path, const falloff_curve f[3], const falloff_read
     return out_commit(out, e);
 }
 
-/* Plot area in SVG units. */
-static double px(double deg, double rim)
+static void draw_channel(svgplot *p, const falloff_curve *f, const char *colour, double rim)
 {
-    return 60 + 520 * deg / rim;
-}
-
-static double py(double v, double top)
-{
-    return 360 - 330 * v / top;
+    enum { STEPS = 200 };
+    double t[STEPS + 1], low[STEPS + 1], high[STEPS + 1], line[STEPS + 1][2];
+    for (int k = 0; k <= STEPS; k++) {
+        double s;
+        line[k][0] = t[k] = rim * k / STEPS;
+        line[k][1] = falloff_curve_at(f, t[k] * DEG, &s);
+        low[k] = line[k][1] * exp(-2 * s), high[k] = line[k][1] * exp(2 * s);
+    }
+    svgplot_band(p, colour, t, low, high, STEPS + 1);
+    svgplot_line(p, colour, (const double(*)[2])line, STEPS + 1);
 }
 
 int falloff_plot(const char *path, const falloff_curve f[3], const falloff_reading *r, int n, errmsg *e)
 {
     static const char *const colour[] = {"#c0392b", "#27803b", "#2d5fb3"};
-    outfile *out;
-    double rim = f[0].half / DEG, top = 1.1, t, s;
+    svgplot *p;
+    double rim = f[0].half / DEG, top = 1.1;
     for (int c = 0; c < 3; c++)
         for (int k = 0; k < FIT_NODES; k++) top = fmax(top, 1.05 * f[c].v[k]);
-    if (out_begin(&out, path, e)) return -1;
-    FILE *o = out_stream(out);
-    fprintf(o, "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"620\" height=\"410\" "
-               "font-family=\"sans-serif\" font-size=\"12\">\n"
-               "<rect width=\"620\" height=\"410\" fill=\"white\"/>\n");
-    for (int k = 0; k <= 10 && k * 0.1 <= top; k++)
-        fprintf(o,
-                "<path d=\"M60 %.1fH580\" stroke=\"#ddd\"/><text x=\"52\" y=\"%.1f\" "
-                "text-anchor=\"end\">%.1f</text>\n",
-                py(k * 0.1, top), py(k * 0.1, top) + 4, k * 0.1);
-    for (int d = 0; d <= rim; d += 10)
-        fprintf(o,
-                "<path d=\"M%.1f 360V365\" stroke=\"black\"/><text x=\"%.1f\" y=\"380\" "
-                "text-anchor=\"middle\">%d</text>\n",
-                px(d, rim), px(d, rim), d);
-    fprintf(o,
-            "<path d=\"M60 30V360H580\" fill=\"none\" stroke=\"black\"/>\n"
-            "<text x=\"320\" y=\"400\" text-anchor=\"middle\">angle from the optical axis (degrees)</text>\n"
-            "<text x=\"60\" y=\"20\">signal relative to the axis; band: 2 standard deviations</text>\n");
+    const svgplot_axis x = {0, rim, 10, "angle from the optical axis (degrees)"},
+                       y = {0, top, top > 2 ? 0.5 : 0.1, "signal relative to the axis"};
+    if (svgplot_begin(&p, path, &x, &y,
+                      "falloff; dots: readings (hollow: left out); band: 2 standard deviations", e))
+        return -1;
     for (int c = 0; c < 3; c++) {
-        fprintf(o, "<path fill=\"%s\" fill-opacity=\"0.12\" d=\"", colour[c]);
-        for (int pass = 0; pass < 2; pass++)
-            for (int k = 0; k <= 100; k++) {
-                t = rim * (pass ? 100 - k : k) / 100;
-                double v = falloff_curve_at(&f[c], t * DEG, &s),
-                       b = fmin(v * exp(pass ? -2 * s : 2 * s), top);
-                fprintf(o, "%c%.2f %.2f", k || pass ? 'L' : 'M', px(t, rim), py(b, top));
-            }
-        fprintf(o, "Z\"/>\n<path fill=\"none\" stroke=\"%s\" stroke-width=\"1.6\" d=\"", colour[c]);
-        for (int k = 0; k <= 200; k++) {
-            t = rim * k / 200;
-            fprintf(o, "%c%.2f %.2f", k ? 'L' : 'M', px(t, rim),
-                    py(falloff_curve_at(&f[c], t * DEG, NULL), top));
-        }
-        fprintf(o, "\"/>\n");
+        draw_channel(p, &f[c], colour[c], rim);
         for (int i = 0; i < n; i++) {
-            double v = r[i].y[c] / f[c].axis;
-            if (v >= 0 && v <= top)
-                fprintf(o, "<circle cx=\"%.2f\" cy=\"%.2f\" r=\"3\" stroke=\"%s\" fill=\"%s\"/>\n",
-                        px(r[i].theta / DEG, rim), py(v, top), colour[c], r[i].used[c] ? colour[c] : "none");
+            const double at[1][2] = {{r[i].theta / DEG, r[i].y[c] / f[c].axis}};
+            svgplot_dots(p, colour[c], at, 1, r[i].used[c] ? SVGPLOT_FULL : SVGPLOT_HOLLOW);
         }
     }
-    fprintf(o, "</svg>\n");
-    return out_commit(out, e);
+    return svgplot_end(p, e);
 }

@@ -64,7 +64,8 @@ static int step(align_shot *out, const align_picture *pictures, const double *ex
     double sd_moved = brought(room + pixels, &pictures[moved], ratio > 1 ? gain : 1, pixels);
     motion_found found = {{0, 0, 0}, 0, 0, 1};
     if (sd_rest >= least_sd && sd_moved >= least_sd &&
-        vision_motion(&found, room, room + pixels, pictures[moved].seen, w, h, LEVELS, e))
+        vision_motion(&found, room, room + pixels, pictures[rest].seen, pictures[moved].seen, w, h, LEVELS,
+                      e))
         return -1;
     align_shot *s = &out[moved];
     double reach = align_reach(&found.m, w, h);

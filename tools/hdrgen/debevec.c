@@ -286,12 +286,5 @@ int debevec_solve(response *r, solve_facts *facts, const samples *s, const doubl
             response_free(&got);
             return -1;
         }
-    if (response_normalise(&got)) {
-        response_free(&got);
-        return err_set(e, "the recovered responses of the channels have nothing in common: times or order of "
-                          "the images wrong?");
-    }
-    strcpy(got.origin, "debevec");
-    *r = got;
-    return 0;
+    return response_recovered(r, &got, "debevec", e);
 }

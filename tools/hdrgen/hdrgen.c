@@ -157,7 +157,7 @@ static const cli_opt options[] = {
      "default), linear (default for camera raw), srgb, gamma:G, or a file"},
     {"save-response", 0, CLI_STRING, &set.save_response, NULL, "FILE", "write the response as text"},
     {"lambda", 0, CLI_DOUBLE, &set.job.lambda, NULL, "L", "smoothness of the recovered response (default 1)"},
-    {"plot", 0, CLI_STRING, &set.plot, NULL, "FILE", "draw the response and its sample points into a PNG"},
+    {"plot", 0, CLI_STRING, &set.plot, NULL, "FILE.svg", "plot of the response and its sample points"},
     {"weight", 'w', CLI_CALL, &set.job, take_weight, "KIND",
      "noise: inverse variance (default); debevec: hat, zero at both ends"},
     {"gain", 0, CLI_DOUBLE, &set.job.gain, NULL, "E",
@@ -169,6 +169,9 @@ static const cli_opt options[] = {
     {"align", 0, CLI_MAYBE, &set.job, take_align, "WHEN",
      "put hand-held shots over the middle one: always (the default of --align; what can't be registered is "
      "refused), auto (move what is better for it), never (the default)"},
+    {"flare", 0, CLI_FLAG, &set.job.flare, NULL, NULL,
+     "take out the light that the lens scatters around lamps, where that is certain (with --circle also\n"
+     "by what lies outside of it)"},
     {"deghost", 0, CLI_FLAG, &set.job.deghost, NULL, NULL,
      "leave out samples that contradict the other exposures"},
     {"sigma", 0, CLI_FLAG, &set.job.want_sigma, NULL, NULL,
@@ -254,8 +257,9 @@ static void report(const job *j)
             "neighbouring exposures differ by %.3f stops rms, %.3g %% of pixels by more than a quarter, "
             "cause %d\n",
             d->stops, 100 * d->share, (int)d->cause);
-    fprintf(stderr, "CPU s: reading %.3f, aligning %.3f, recovering %.3f, merging %.3f\n", j->facts.read_s,
-            j->facts.align_s, j->facts.recover_s, j->facts.merge_s);
+    fprintf(stderr, "CPU s: reading %.3f, aligning %.3f, recovering %.3f, merging %.3f, flare %.3f\n",
+            j->facts.read_s, j->facts.align_s, j->facts.recover_s, j->facts.merge_s - j->facts.flare_s,
+            j->facts.flare_s);
 }
 
 static void report_times(const job *j)
@@ -364,6 +368,7 @@ static void summary(const job *j)
                  179 * j->facts.scale);
     if (j->align) report_motions(j);
     notes_colours(j);
+    notes_flare(j);
     note_pixels(j->facts.clipped, j, "clipped in every exposure: lower bound");
     note_pixels(j->facts.black, j, "black in every exposure: upper bound");
     note_pixels(j->facts.gap, j, "clipped or black in every exposure: between two bounds");

@@ -11,6 +11,7 @@
 #include "colour.h"
 #include "contradict.h"
 #include "debevec.h"
+#include "flare.h"
 #include "frames.h"
 #include "image/image.h"
 #include "merge.h"
@@ -49,6 +50,7 @@ typedef struct job_opts {
     const char *dark, *flat, *hot; /* files or NULL */
     double patch[5];               /* x, y, w, h, cd/m2; w = 0: none */
     align_mode align;
+    int flare;      /* take out what the lens has scattered */
     int64_t memory; /* bytes of codes kept between the passes */
 } job_opts;
 
@@ -65,6 +67,14 @@ typedef struct develop_facts {
     int turns_differ;       /* the shots' tags do */
 } develop_facts;
 
+/* What was found of flare, and as the header states it: per channel, widths in pixels of the result. */
+typedef struct flare_facts {
+    int lamps;                   /* told apart */
+    flare_found all, channel[3]; /* of the channels' mean; of each, where that is certain */
+    float total[3], most[3], error[3];
+    float width[FLARE_MOST], part[3 * FLARE_MOST];
+} flare_facts;
+
 typedef struct job_facts {
     solve_facts solve; /* of the first estimate; condition 0 where none was needed */
     calib_facts calib;
@@ -73,13 +83,14 @@ typedef struct job_facts {
     times_facts times;           /* what the exposures were made of */
     stated_facts stated;         /* and whether the pixels agree */
     contradict_facts contradict; /* of the exposures as they were merged */
-    int assumed_time;            /* one image of unknown time: 1 s */
-    int bits_used; /* the codes seem to end at 2^this - 1, below the file's highest; 0: they don't */
-    int clip[RESPONSE_MAX_CHANNELS];                   /* codes from here on are clipped */
-    long clipped, black, gap, ghosts, missing, healed; /* pixels (any channel) */
-    long counted;                                      /* pixels that those are of */
-    double scale;                                      /* radiance was multiplied by this (--calibrate) */
-    double read_s, align_s, recover_s, merge_s;        /* CPU seconds */
+    flare_facts flare;
+    int assumed_time; /* one image of unknown time: 1 s */
+    int bits_used;    /* the codes seem to end at 2^this - 1, below the file's highest; 0: they don't */
+    int clip[RESPONSE_MAX_CHANNELS];                     /* codes from here on are clipped */
+    long clipped, black, gap, ghosts, missing, healed;   /* pixels (any channel) */
+    long counted;                                        /* pixels that those are of */
+    double scale;                                        /* radiance was multiplied by this (--calibrate) */
+    double read_s, align_s, recover_s, merge_s, flare_s; /* CPU seconds */
 } job_facts;
 
 typedef struct job {
@@ -113,6 +124,14 @@ int job_merge(job *j, errmsg *e);
 /* Find how the shots have moved and put them over the middle one; the frames are at their top before and
  * after, the clip levels known.  Called by job_calibrate where job_opts.align asks for it. */
 int job_align(job *j, errmsg *e);
+
+/* Take out of j->radiance what the lens has scattered, where that is certain, and fill facts.flare.  Called
+ * by job_merge where job_opts.flare asks for it. */
+int job_flare(job *j, errmsg *e);
+
+/* Does (x, y) of the turned picture lie in the image circle (its radius times `grow`)?  Everything does
+ * without one. */
+int job_in_circle(const job *j, double x, double y, double grow);
 
 /* Codes are proportional to light. */
 int job_linear_codes(const job *j);

@@ -288,14 +288,19 @@ static int to_absolute(job *j, errmsg *e)
     return 0;
 }
 
+int job_in_circle(const job *j, double x, double y, double grow)
+{
+    const double *c = j->opts.circle, w = j->radiance.info.width, h = j->radiance.info.height;
+    if (!(c[2] > 0)) return 1;
+    return c[0] < 0 ? hypot(x - w / 2, y - h / 2) < grow * c[2] * fmin(w, h) / 2
+                    : hypot(x - c[0], y - c[1]) < grow * c[2];
+}
+
 /* Is a pixel's middle in the image circle?  Beyond it a fisheye shows nothing. */
 static int in_circle(const job *j, size_t at)
 {
-    const double *c = j->opts.circle, w = j->radiance.info.width, h = j->radiance.info.height;
-    double x = (double)(at % (size_t)j->radiance.info.width) + 0.5,
-           y = (double)(at / (size_t)j->radiance.info.width) + 0.5;
-    if (!(c[2] > 0)) return 1;
-    return c[0] < 0 ? hypot(x - w / 2, y - h / 2) < c[2] * fmin(w, h) / 2 : hypot(x - c[0], y - c[1]) < c[2];
+    size_t w = (size_t)j->radiance.info.width;
+    return job_in_circle(j, (double)(at % w) + 0.5, (double)(at / w) + 0.5, 1);
 }
 
 static void count_flags(job *j)
@@ -339,6 +344,7 @@ int job_merge(job *j, errmsg *e)
     if (!bad && j->opts.hot) bad = aside_heal(j, e);
     if (!bad && j->opts.flat) bad = aside_flatten(j, e);
     if (!bad) bad = job_develop(j, e);
+    if (!bad && j->opts.flare) bad = job_flare(j, e);
     if (!bad && j->opts.patch[2] > 0) bad = to_absolute(j, e);
     else if (!bad && j->opts.absolute) bad = by_speed(j, e);
     if (!bad) count_flags(j);

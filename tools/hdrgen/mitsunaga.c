@@ -139,12 +139,5 @@ int mitsunaga_solve(response *r, solve_facts *facts, const samples *s, const dou
             response_free(&got);
             return -1;
         }
-    if (response_normalise(&got)) {
-        response_free(&got);
-        return err_set(e, "the recovered responses of the channels have nothing in common: times or order of "
-                          "the images wrong?");
-    }
-    strcpy(got.origin, "mitsunaga");
-    *r = got;
-    return 0;
+    return response_recovered(r, &got, "mitsunaga", e);
 }

@@ -58,6 +58,40 @@ void notes_turn(const job *j)
             d->orientation);
 }
 
+/* Why nothing was taken out. */
+static const char *no_flare(const flare_found *f)
+{
+    if (f->verdict == FLARE_ONE_LAMP)
+        return "one lamp's surroundings alone can't tell it from light that is there: nothing taken out";
+    if (f->verdict == FLARE_UNSETTLED) return "the lamps' surroundings do not agree on it: nothing taken out";
+    return "none found";
+}
+
+void notes_flare(const job *j)
+{
+    const flare_facts *f = &j->facts.flare;
+    const flare_found *a = &f->all;
+    if (!j->opts.flare) return;
+    if (!flare_is_certain(a)) {
+        cli_note("flare: %s (at most %.2g %% of the light, %d lamps)", no_flare(a), 100 * a->most, f->lamps);
+        return;
+    }
+    char each[96] = "";
+    if (j->radiance.info.channels == 3)
+        snprintf(each, sizeof each, " (%.3g, %.3g, %.3g)", 100 * (double)f->total[0],
+                 100 * (double)f->total[1], 100 * (double)f->total[2]);
+    cli_note("flare: the lens scattered %.3g %%%s of the light, give or take %.2g %% of that, at most %.3g "
+             "%%: taken "
+             "out, and back where it came from",
+             100 * a->total, each, 100 * a->error, 100 * a->most);
+    cli_note("flare: by %s; %d of %d dark places lie on it to %.2g %% rms",
+             a->verdict == FLARE_DARK ? "what lies outside the circle"
+                                      : "the surroundings of two groups of lamps",
+             a->on, a->places, 100 * a->misfit);
+    if (j->facts.clipped && a->verdict == FLARE_LAMPS)
+        cli_note("flare: lamps clipped in every exposure scatter more than their values say");
+}
+
 void report_shots(const job *j)
 {
     const develop_facts *d = &j->facts.develop;

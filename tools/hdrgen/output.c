@@ -101,10 +101,32 @@ static int attrs_of_colours(img_attr *to, float balance[3], const job *j, const 
     return n;
 }
 
+/* Per channel: the part of the light that was taken out, the most it can have been, the relative error; and
+ * how it is spread: widths of the Gaussians (0: evenly), parts of each, channel by channel. */
+static int attrs_of_flare(img_attr *to, const job *j)
+{
+    const flare_facts *f = &j->facts.flare;
+    const int ch = j->radiance.info.channels, n = f->all.n;
+    const struct {
+        const char *name;
+        const float *f;
+        int n;
+    } all[] = {{"hdrgen:flare", f->total, ch},
+               {"hdrgen:flareMost", f->most, ch},
+               {"hdrgen:flareError", f->error, ch},
+               {"hdrgen:flareWidths", f->width, n},
+               {"hdrgen:flareParts", f->part, ch * n}};
+    int count = 0;
+    for (; count < (int)(sizeof all / sizeof *all); count++)
+        to[count] = (img_attr){
+            .name = all[count].name, .kind = IMG_ATTR_FLOATS, .f = all[count].f, .n = all[count].n};
+    return count;
+}
+
 int output_write(const job *j, const output_opts *o, output_type *type_used, errmsg *e)
 {
     static const char *const sigma_names[2][3] = {{"sigma.Y"}, {"sigma.R", "sigma.G", "sigma.B"}};
-    enum { MOST_PLANES = 6, ATTRS = 24 };
+    enum { MOST_PLANES = 6, ATTRS = 32 };
     const img_info *i = &j->radiance.info;
     size_t pixels = (size_t)i->width * (size_t)i->height, ch = (size_t)i->channels;
     img_plane planes[MOST_PLANES];
@@ -146,6 +168,7 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
     int na = 6;
     na += attrs_of_shots(attrs + na, seconds, j);
     na += attrs_of_colours(attrs + na, balance, j, o->path);
+    if (j->opts.flare) na += attrs_of_flare(attrs + na, j);
     if (j->opts.patch[2] > 0 || j->opts.absolute) /* values are W/sr/m2: 179 lm/W is what white 1 is worth */
         attrs[na++] = (img_attr){.name = "whiteLuminance", .kind = IMG_ATTR_FLOAT, .v = {179}};
     img_write_opts w = {.type = *type_used == OUTPUT_HALF ? IMG_HALF : IMG_FLOAT,

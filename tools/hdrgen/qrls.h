@@ -4,6 +4,9 @@
  * min |A x - b|: rows are gathered in a block and folded into an upper triangle by LAPACK's
  * Householder QR, so that memory is O(columns^2) and the condition of A, not of A^T A, counts.
  * The final triangle is solved by its singular values.
+ *
+ * This is LAPACK's dgelsd (numpy.linalg.lstsq) of all rows at once, whose driver routines want them all in
+ * memory: a series has hundreds of thousands, of which each pixel brings an unknown of its own.
  */
 #ifndef HDRGEN_QRLS_H
 #define HDRGEN_QRLS_H

@@ -175,3 +175,15 @@ double response_forward(const response *r, int c, double e)
     }
     return lo + (e - f[lo]) / (f[hi] - f[lo]);
 }
+
+int response_recovered(response *r, response *got, const char *origin, errmsg *e)
+{
+    if (response_normalise(got)) {
+        response_free(got);
+        return err_set(e, "the recovered responses of the channels have nothing in common: times or order of "
+                          "the images wrong?");
+    }
+    snprintf(got->origin, sizeof got->origin, "%s", origin);
+    *r = *got;
+    return 0;
+}

@@ -29,15 +29,20 @@ int response_linear(response *r, int channels, int max_code, errmsg *e);
 int response_srgb(response *r, int channels, int max_code, errmsg *e);            /* IEC 61966-2-1 */
 int response_gamma(response *r, int channels, int max_code, double g, errmsg *e); /* e = z^g */
 
-/* Make channel c strictly increasing: pool adjacent violators in ln finv, then a least rise
- * per code.  Returns the number of codes that were changed, -1 if the table is not positive
- * and finite above code 0, -2 when out of memory. */
+/* Make channel c strictly increasing: pool adjacent violators in ln finv (isotonic regression, R's isoreg and
+ * scikit-learn's IsotonicRegression; no C library that we have), then a least rise per code.  Returns the
+ * number of codes that were changed, -1 if the table is not positive and finite above code 0, -2 when out of
+ * memory. */
 int response_make_monotone(response *r, int c);
 
 /* Scale all channels so that the gauge holds: the hat-weighted mean over the codes of ln finv
  * is the same in each channel (equal codes are grey), and finv of what is clipped is 1 on average (of
  * logarithms).  -1 if the channels' curves are so different that this makes no sense. */
 int response_normalise(response *r);
+
+/* The end of a recovery: normalise what was got and give it to r with its origin; -1 in words, and got freed,
+ * where it makes no sense. */
+int response_recovered(response *r, response *got, const char *origin, errmsg *e);
 
 /* The highest of the channels' clipped codes. */
 int response_top(const response *r);

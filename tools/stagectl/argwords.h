@@ -3,6 +3,8 @@
  *
  * Words are parted by blanks; '...' keeps everything, "..." keeps everything but \" and \\, and a
  * backslash outside quotes keeps the next character.  Nothing is expanded.
+ *
+ * This is Python's shlex.split(); libc's wordexp() expands, and refuses what a shell would take for more.
  */
 #ifndef ARGWORDS_H
 #define ARGWORDS_H
