@@ -228,7 +228,7 @@ test: $(B0)/.debs-test all $(TEST_DRIVERS) $(VENV)/.packages
 
 # the programs that our patches touch, in a build folder beside another Radiance's that lends the rest
 .PHONY: test-renderers
-test-renderers: $(RAD_PATCHED:%=$(B)/bin/%) $(RAD_LIB) $(ILF_PROGRAMS:%=$(B)/bin/%) $(VENV)/.packages
+test-renderers: stock $(RAD_PATCHED:%=$(B)/bin/%) $(RAD_LIB) $(ILF_PROGRAMS:%=$(B)/bin/%) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile tests/radiance_patch $(TEST_ARGS)
 #?measures: test-renderers  those of the material in Radiance alone (for a second Radiance: B=build/6.1 RADIANCE_SRC=...)
 
