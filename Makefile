@@ -276,7 +276,7 @@ help:
 #?variable: B=build/NAME    a build folder beside the other, for a second Radiance say
 
 # short names: make rpict, make hdrgen ...
-SHORT := $(RAD_PROGRAMS) $(ILF_PROGRAMS) $(TOOL_PROGRAMS)
+SHORT := $(RAD_PROGRAMS) $(RAD_ALL) $(ILF_PROGRAMS) $(TOOL_PROGRAMS)
 .PHONY: $(SHORT)
 $(SHORT): %: $(B)/bin/%
 
