@@ -69,7 +69,7 @@ have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
 ILF_PROGRAMS  := $(call have,ilfmat,ilfmat/programs)
 TOOL_PROGRAMS := $(foreach t,$(TOOLS),$(call have,$(t),tools/$(t)))
 
-.PHONY: all radiance tools demo test bench install clean help env deps deps-radiance deps-tools deps-test man
+.PHONY: all radiance tools examples demo test bench install clean help env deps deps-radiance deps-tools deps-test man
 all: radiance tools man
 
 # A change of compiler or flags rebuilds what it touches: what each kind of object was made with is kept in a file.
@@ -176,6 +176,14 @@ $(ILF_PROGRAMS:%=$(B)/bin/%): $(B)/bin/%: $(B)/obj/ilfmat/programs/%.o $(LIBCOMM
 	@echo "  LD  $(@F)"
 	$(Q)$(CC) $(LDFLAGS) -o $@ $(PARTS) $(LIBS_IMAGE)
 
+# a host of libilf's beside Radiance, of ilf.h and libilf alone
+EXAMPLES := $(patsubst ilfmat/examples/%.c,$(B)/examples/%,$(wildcard ilfmat/examples/*.c))
+examples: $(EXAMPLES)
+$(EXAMPLES): $(B)/examples/%: $(B)/obj/ilfmat/examples/%.o $(LIBILF) $(B)/flags/ld
+	@mkdir -p $(@D)
+	@echo "  LD  $(@F)"
+	$(Q)$(CC) $(LDFLAGS) -o $@ $(PARTS) $(LIBS_ILF)
+
 define tool_rules
 $(1)_PARTS := $$(patsubst tools/%,$(B)/obj/tools/%.o,$$(basename $$(filter-out $$(PROGRAMS_$(1):%=tools/$(1)/%.c),$$(wildcard tools/$(1)/*.c))))
 $(B)/obj/lib$(1).a: $$($(1)_PARTS)
@@ -223,7 +231,7 @@ $(foreach t,$(patsubst tests/%/parts.c,%,$(wildcard tests/*/parts.c)),$(eval $(c
 TEST_ARGS ?=
 # files of tests side by side
 TEST_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
-test: $(B0)/.debs-test all $(TEST_DRIVERS) $(VENV)/.packages
+test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder tests $(TEST_ARGS)
 
 # the programs that our patches touch, in a build folder beside another Radiance's that lends the rest
@@ -257,6 +265,7 @@ install: all
 #?build: all             every program, Radiance with the material, man pages (the default)
 #?build: radiance        Radiance's programs with the material ilf (needs no OpenCV)
 #?build: tools           the toolchain's own programs
+#?build: examples        ilfmat/examples: a path tracer over libilf alone
 #?build: env             print the line that a shell needs to use what is built
 #?build: deps            install the packages that the machine lacks
 #?build: clean           remove build/

@@ -192,7 +192,7 @@ ilf_status ilf_patches_open(ilf_patches **patches, const ilf *field, const ilf_f
 void ilf_patches_close(ilf_patches *patches); /* NULL allowed; after the samplers over it */
 
 double ilf_patches_threshold(const ilf_patches *patches); /* T, as given or found */
-int64_t ilf_patches_count(const ilf_patches *patches); /* 0: nothing exceeds the threshold */
+int64_t ilf_patches_count(const ilf_patches *patches);    /* 0: nothing exceeds the threshold */
 
 /* Radiance's luminance of a colour, without the 179 lm/W. */
 static inline double ilf_luminance(const float rgb[3])

@@ -113,10 +113,10 @@ makeballs(			/* describe shiny balls to libilf */
 static void
 findbright(			/* find (once) what is bright in light field */
 	ILFMAT  *ip,
-	RAY  *r			/* ray that asks */
+	const RAY  *r		/* ray that asks */
 )
 {
-	ILFHOST  host = {ip, r, NULL, NULL};
+	ILFHOST  host = {ip, (RAY *)r, NULL, NULL};
 	ilf_patches_spec  spec;
 	ilf_ball  *balls;
 	ilf_error  err;
@@ -153,7 +153,7 @@ glintparts(			/* by which components does a point see glints? */
 
 static int
 glintdone(			/* does a glint's cone count this ray? */
-	const ILFMAT  *ip,
+	ILFMAT  *ip,
 	const RAY  *ar		/* ray that met a shiny surface */
 )
 {
@@ -164,6 +164,7 @@ glintdone(			/* does a glint's cone count this ray? */
 	if (!(glintparts(ar->parent) & (ar->rtype & AMBIENT ? ILF_DIFFUSE :
 			ar->rtype & SPECULAR ? ILF_GLOSSY : 0)))
 		return(0);
+	findbright(ip, ar);
 	i = ilf_glint_ball(ip->bright, ar->rorg, ar->rdir);
 	return(i >= 0 && ip->ball[i] == ar->ro);
 }
@@ -171,7 +172,7 @@ glintdone(			/* does a glint's cone count this ray? */
 
 static ilf_part
 raypart(			/* which part does a ray see? */
-	const ILFMAT  *ip,
+	ILFMAT  *ip,
 	const RAY  *r
 )
 {
@@ -377,7 +378,6 @@ m_ilf(				/* ray met auxiliary geometry */
 	ilf_error  err;
 					/* which part counts? */
 	if (ilfaimed(ip, r)) {
-		findbright(ip, r);
 		part = raypart(ip, r);
 	} else if (r->crtype & SHADOW) {
 		part = ILF_NONE;
@@ -390,6 +390,7 @@ m_ilf(				/* ray met auxiliary geometry */
 		hit = NULL;		/* infinitely far away */
 	ilfwatch(mp->file);
 	if (part != ILF_ALL) {
+		findbright(ip, r);
 		ok = ilf_eval_part(rgb, ip->bright, part, org, dir, hit, &err);
 	} else {
 		if (r->rox != NULL) {	/* into the instance's space */

@@ -178,7 +178,7 @@ static ilf_status estimate(double *excess, const lighting *l, const double dir[3
         dr->near = dr->far = distance_to(l, dir);
         st = excess_at(excess, l, dir, dr->far, err);
     }
-    if (st == ILF_OK && dr->near < (double)ONE_DISTANCE * dr->far) {
+    if (st == ILF_OK && dr->near < ONE_DISTANCE * dr->far) {
         st = excess_at(&x, l, dir, dr->near, err);
         if (st == ILF_OK && x > *excess) *excess = x;
     }

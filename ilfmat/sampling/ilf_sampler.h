@@ -82,7 +82,7 @@ struct ilf_sampler {
 };
 
 /* Two distances nearer to each other than that are one. */
-#define ONE_DISTANCE 0.98f
+#define ONE_DISTANCE 0.98
 
 /* No weight is 0: a slice may see the faintest patch alone. */
 #define LEAST_WEIGHT 1e-30

@@ -173,7 +173,7 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
                               ((double)key[2] + 0.5) * fr->n[c]);
     for (int t = 0; t < touched; t++) {
         const int k = s->touched[t];
-        const int ends = s->of->mode == ILF_DEPTH && s->near[k] < ONE_DISTANCE * s->far[k] ? 2 : 1;
+        const int ends = s->of->mode == ILF_DEPTH && s->near[k] < (float)ONE_DISTANCE * s->far[k] ? 2 : 1;
 
         for (int end = 0; end < ends; end++) {
             const double far = (double)(end ? s->near[k] : s->far[k]);

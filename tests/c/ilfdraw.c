@@ -10,48 +10,22 @@
  * infinity, or a box or sphere seen from inside, perhaps with a ball in it, with or without the depth
  * correction.
  */
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/cli.h"
 #include "ilf.h"
+#include "surroundings.h"
 
 enum { MOST = 8 };
 
 static int no_depth;
 static double cube, threshold;
-static double box[6], sphere[4], ball[4];
-static int has_box, has_sphere, has_ball;
-
-static int take_box(const char *value, void *arg, errmsg *e)
-{
-    (void)arg;
-    has_box = 1;
-    return cli_parse_doubles(box, 6, value, ", ", e);
-}
-
-static int take_sphere(const char *value, void *arg, errmsg *e)
-{
-    (void)arg;
-    has_sphere = 1;
-    return cli_parse_doubles(sphere, 4, value, ", ", e);
-}
-
-static int take_ball(const char *value, void *arg, errmsg *e)
-{
-    (void)arg;
-    has_ball = 1;
-    return cli_parse_doubles(ball, 4, value, ", ", e);
-}
 
 static const cli_opt opts[] = {
     {"nodepth", 0, CLI_FLAG, &no_depth, NULL, NULL, "lookups without depth correction"},
-    {"box", 0, CLI_CALL, NULL, take_box, "X0,Y0,Z0,X1,Y1,Z1",
-     "auxiliary geometry: the box between two corners, from inside"},
-    {"sphere", 0, CLI_CALL, NULL, take_sphere, "X,Y,Z,R", "auxiliary geometry: a sphere, from inside"},
-    {"ball", 0, CLI_CALL, NULL, take_ball, "X,Y,Z,R", "a ball within the box or sphere"},
+    SURROUNDINGS_OPTIONS,
     {"cube", 0, CLI_DOUBLE, &cube, NULL, "E", "edge of the cubes of space (default: the library's)"},
     {"threshold", 0, CLI_DOUBLE, &threshold, NULL, "T",
      "luminance that counts as bright (default: the library's)"},
@@ -59,43 +33,6 @@ static const cli_opt opts[] = {
 };
 static const cli_prog prog = {"ilfdraw", "sample|pdf|lamps|info FILE", "Draws from a light field's sampler.",
                               opts, ""};
-
-/* Where a ray goes into (side -1) or out of (side 1) a sphere; infinity if it misses. */
-static double cross_sphere(const double o[3], const double d[3], const double s[4], int side)
-{
-    double a = 0, b = 0, c = -s[3] * s[3];
-
-    for (int k = 0; k < 3; k++) {
-        const double w = o[k] - s[k];
-        a += d[k] * d[k];
-        b += w * d[k];
-        c += w * w;
-    }
-    const double disc = b * b - a * c;
-    return disc > 0 ? (-b + side * sqrt(disc)) / a : HUGE_VAL;
-}
-
-/* The ball, or the way out of the box or sphere along a ray; 0 for a ray that starts outside and misses. */
-static int way_out(double hit[3], const double o[3], const double d[3], void *context)
-{
-    double t = HUGE_VAL;
-
-    (void)context;
-    if (has_sphere) t = cross_sphere(o, d, sphere, 1);
-    else
-        for (int k = 0; k < 3; k++) {
-            if (d[k] == 0) continue;
-            const double at = ((d[k] > 0 ? box[3 + k] : box[k]) - o[k]) / d[k];
-            if (at < t) t = at;
-        }
-    if (has_ball) {
-        const double at = cross_sphere(o, d, ball, -1);
-        if (at > 0 && at < t) t = at;
-    }
-    if (!(t > 0 && isfinite(t))) return 0;
-    for (int k = 0; k < 3; k++) hit[k] = o[k] + t * d[k];
-    return 1;
-}
 
 static void ok(ilf_status st, const ilf_error *err)
 {
@@ -161,7 +98,7 @@ int main(int argc, char **argv)
         cli_fail(CLI_USAGE, "%s: expected sample, pdf, lamps or info", what);
     ok(ilf_open(&field, argv[2], &err), &err);
     spec.mode = no_depth ? ILF_NO_DEPTH : ILF_DEPTH;
-    spec.hit = has_box || has_sphere ? way_out : NULL;
+    spec.hit = box.there || sphere.there ? way_out : NULL;
     spec.cube = cube;
     spec.threshold = threshold;
     ok(ilf_patches_open(&bright, field, ilf_get_frame(field), &spec, &err), &err);
