@@ -36,7 +36,7 @@ def spectra(folder, octree, rays, *options, bands=BANDS, program="rtrace"):
 def channels(a):
     """Means over the bands of red, green and blue, as Radiance parts 780 ... 380 nm: at 588 and 480 nm."""
     nm = 780 - (np.arange(a.shape[-1]) + 0.5) * 400 / a.shape[-1]
-    return np.stack([a[..., part].mean(-1) for part in (nm > 588, (nm <= 588) & (nm > 480), nm <= 480)], -1)
+    return np.stack([a[..., part].mean(-1) for part in (nm > 588, (nm < 588) & (nm > 479.9), nm < 479.9)], -1)
 
 
 def constant(folder, name):
