@@ -165,3 +165,41 @@ def test_irradiance_is_the_other_radiances(room):
     error = np.sqrt(sum(a.var(0, ddof=1) / len(a) for a in got))
     assert (np.abs(got[0].mean(0) - got[1].mean(0)) < 5 * error).all(), (got[0].mean(0), got[1].mean(0), error)
     assert (error < 0.02 * got[0].mean(0)).all()
+
+
+# ---- make radiance-all ------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("program", "rvu mkillum rsensor rxtrace rxpict rxcontrib rxpiece".split())
+def test_programs_that_trace_rays_take_the_option(program):
+    built(program)
+    assert "-di 16 " in run(program, "-defaults").text
+
+
+@six_only
+def test_rtpict_passes_the_option_on(room):
+    """rtrace's picture in rpict's clothes: the samples are many, or none."""
+    built("rtpict")
+    octree = oconv(room, SCENE, "rtpict")
+    means = []
+    for samples in ("0", "64"):
+        out = run("rtpict", "-n", "2", *VIEW, "-x", "24", "-y", "24", "-ps", "1", "-ab", "1", "-aa", "0", "-ad", "4", "-di", samples, octree, cwd=room).out
+        (room / "rtpict.hdr").write_bytes(out)
+        picture = read_picture(room, "rtpict.hdr") @ LUMINANCE
+        means.append(np.abs(np.diff(picture[picture > 0])).mean())
+    assert means[1] < 0.6 * means[0], means
+
+
+@six_only
+def test_mkillum_with_the_light_field_behind_the_window(room):
+    """The window's distribution holds as much light by either method."""
+    built("mkillum")
+    octree = oconv(room, SCENE, "illum")
+    window = "void glass pane 0 0 3 .9 .9 .9\n#@mkillum i=pane d=32 s=16\n" + Polygon((-0.3, 0.5, 0.1), (0.3, 0.5, 0.1), (0.3, 0.5, 0.5), (-0.3, 0.5, 0.5)).rad("pane", "win")
+    got = []
+    for samples in ("0", "16"):
+        text = run("mkillum", "-di", samples, "-ab", "1", "-ad", "256", octree, stdin=window, cwd=room).text
+        assert "illum" in text and ".dat" in text, text
+        name = next(w for w in text.split() if w.endswith(".dat"))
+        rows = [line.split() for line in (room / name).read_text().splitlines()]
+        got.append(np.array([float(x) for row in rows[4:] for x in row]).mean())
+    assert got[0] > 0 and abs(got[1] / got[0] - 1) < 0.25, got
