@@ -236,6 +236,12 @@ TEST_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder tests $(TEST_ARGS)
 
+# the programs that our patches touch, in a build folder beside another Radiance's that lends the rest
+.PHONY: test-renderers
+test-renderers: stock $(RAD_PATCHED:%=$(B)/bin/%) $(RAD_LIB) $(ILF_PROGRAMS:%=$(B)/bin/%) $(VENV)/.packages
+	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile tests/radiance_patch $(TEST_ARGS)
+#?measures: test-renderers  those of the material in Radiance alone (for a second Radiance: B=build/6.1 RADIANCE_SRC=...)
+
 # speed and accuracy beside the peers', as ratios within one run
 bench: bench-hdrgen bench-fishremap bench-render
 #?measures: bench           all benchmarks (bench-hdrgen, bench-fishremap, bench-render)
@@ -243,15 +249,17 @@ bench: bench-hdrgen bench-fishremap bench-render
 # ---- the rest --------------------------------------------------------------------------------------
 # Ours in front of what the shell has.  Where it has no RAYPATH, Radiance's programs would look in their default folder,
 # so that stays; an empty part at the end of MANPATH stands for the system's pages.
+# a build folder within the other takes from that what it lacks
+BESIDE := $(filter-out $(B0),$(B))
 quoted = "$(subst ",\",$(subst $$,\$$,$(subst `,\`,$(1))))"
 env:
-	@echo 'export PATH=$(call quoted,$(TOP)/$(B)/bin)$(if $(SAN),:$(call quoted,$(TOP)/$(B0)/bin)):"$$PATH" RAYPATH=.:$(call quoted,$(TOP)/$(B0)/lib):"$${RAYPATH:-/usr/local/lib/ray}" MANPATH=$(call quoted,$(TOP)/$(B0)/man):"$${MANPATH-}"'
+	@echo 'export PATH=$(call quoted,$(TOP)/$(B)/bin)$(if $(BESIDE),:$(call quoted,$(TOP)/$(B0)/bin)):"$$PATH" RAYPATH=.$(if $(BESIDE),:$(call quoted,$(TOP)/$(B)/lib)):$(call quoted,$(TOP)/$(B0)/lib):"$${RAYPATH:-/usr/local/lib/ray}" MANPATH=$(call quoted,$(TOP)/$(B0)/man):"$${MANPATH-}"'
 
 clean:
 	rm -rf $(B0)
 
 install: all
-	@sh setup/install.sh $(B) $(B0) "$(DESTDIR)" "$(PREFIX)" "$(PROGRAM_PREFIX)" "$(VERSION)" "$(ILF_ABI)" $(ILF_PROGRAMS) $(TOOL_PROGRAMS) -- $(RAD_PROGRAMS) $(RAD_EXTRA)
+	@sh setup/install.sh $(B) $(B0) "$(DESTDIR)" "$(PREFIX)" "$(PROGRAM_PREFIX)" "$(VERSION)" "$(ILF_ABI)" $(ILF_PROGRAMS) $(TOOL_PROGRAMS) -- $(RAD_PROGRAMS) $(RAD_EXTRA) $(RAD_BUILT)
 
 #?main: demo            the main job on real photographs and on a virtual capture
 #?main: test            the tests (TEST_ARGS=... goes to pytest)
@@ -275,10 +283,11 @@ help:
 #?variable: SAN=1           build ours with ASan and UBSan, in build/san
 #?variable: CC= CXX= OPT=   another compiler (clang wants libomp-dev), other optimisation; what they touch is built again
 #?variable: CI=1            warnings are errors
-#?variable: RADIANCE_SRC=   build from a Radiance 5.4a source tree of your own
+#?variable: RADIANCE_SRC=   build from Radiance source of your own, 5.4a or 6.1a: a folder or a tar archive
+#?variable: B=build/NAME    a build folder beside the other, for a second Radiance say
 
 # short names: make rpict, make hdrgen ...
-SHORT := $(RAD_PROGRAMS) $(ILF_PROGRAMS) $(TOOL_PROGRAMS)
+SHORT := $(RAD_PROGRAMS) $(RAD_ALL) $(ILF_PROGRAMS) $(TOOL_PROGRAMS)
 .PHONY: $(SHORT)
 $(SHORT): %: $(B)/bin/%
 

@@ -243,9 +243,11 @@ ilfcheckamb(			/* check ambient file's light fields */
 )
 {
 	LFLIST  ours = {NULL, 0}, theirs = {NULL, 0};
+	off_t  start = ftello(fp);
 	char  found[256];
 	int  i;
-					/* rest of header is checked after us */
+					/* rest of header is others' business */
+	rewind(fp);
 	if (getheader(fp, getline1, (void *)&theirs) < 0)
 		theirs.n = 0;
 	else if ((ilflist.shown != NULL) | (theirs.n > 0)) {
@@ -261,5 +263,5 @@ ilfcheckamb(			/* check ambient file's light fields */
 	}
 	free((void *)ours.l);
 	free((void *)theirs.l);
-	rewind(fp);
+	fseeko(fp, start, SEEK_SET);
 }

@@ -141,6 +141,8 @@ markilf(			/* note that surface shows light field */
 	ILFMAT  *ip = getilf(m);
 	int  ns;
 
+	if (ilflist.unwanted != NULL)
+		objerror(m, USER, ilflist.unwanted);
 	if (photonMapping && !pl->sp->warned++)
 		objerror(m, WARNING, "no photons come from a light field");
 	pl->sp->nsurf++;
@@ -278,6 +280,15 @@ markilfs(			/* find all surfaces that show light fields */
 	}
 	ilflist.looked = lit;
 	return(srch.nsurf);
+}
+
+
+void
+noilfs(				/* refuse light fields that markilfs() finds */
+	char  *why
+)
+{
+	ilflist.unwanted = why;
 }
 
 

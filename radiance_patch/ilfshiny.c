@@ -9,6 +9,7 @@
 #include  "ray.h"
 #include  "otypes.h"
 #include  "otspecial.h"
+#include  "ilfhost.h"
 #include  "ilfshiny.h"
 
 #define  SHINYSPEC	.001		/* least specular part of shiny things */
@@ -55,6 +56,7 @@ isglossy(			/* is ray's surface shiny but rough? */
 	m = findmaterial(r->ro);
 	return(m != NULL && (m->otype == MAT_ASHIKHMIN) |
 			(m->otype == MAT_BSDF) | (m->otype == MAT_ABSDF) |
+			(m->otype == MAT_WGMDF) |
 			(shininess(m) > FTINY));
 }
 

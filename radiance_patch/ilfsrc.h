@@ -21,6 +21,8 @@ extern void	ilfreport(void);
 	/* ilfmark.c */
 					/* find surfaces of light fields */
 extern int	markilfs(int lit);
+					/* have them refuse what they find */
+extern void	noilfs(char *why);
 	/* ilfamb.c */
 					/* tell ambient file's light fields */
 extern void	ilfputamb(FILE *fp);

@@ -16,6 +16,7 @@
 #include  "random.h"
 #include  "ambient.h"
 #include  "ilf.h"
+#include  "ilfhost.h"
 #include  "ilfsrc.h"
 #include  "ilfobj.h"
 #include  "ilfmark.h"
@@ -54,7 +55,7 @@ typedef struct {
 typedef struct ilfglint {
 	const RAY  *ray;		/* ray that looks for the glint */
 	const OBJREC  *ball;		/* where it must be mirrored */
-	COLOR  sum;			/* what it found */
+	SCOLOR  sum;			/* what it found */
 }  ILFGLINT;			/* a glint of a lamp on a ball */
 
 int  ilfsamp = 16;			/* samples per point */
@@ -160,8 +161,8 @@ glintdone(			/* does a glint's cone count this ray? */
 
 	if (ar->ro == NULL || ar->ro->otype != OBJ_SPHERE || ar->parent == NULL)
 		return(0);
-	if (!(glintparts(ar->parent) & (ar->rtype == AMBIENT ? ILF_DIFFUSE :
-			ar->rtype == SPECULAR ? ILF_GLOSSY : 0)))
+	if (!(glintparts(ar->parent) & (ar->rtype & AMBIENT ? ILF_DIFFUSE :
+			ar->rtype & SPECULAR ? ILF_GLOSSY : 0)))
 		return(0);
 	findbright(ip, ar);
 	i = ilf_glint_ball(ip->bright, ar->rorg, ar->rdir);
@@ -203,13 +204,13 @@ glintadd(			/* count what a glint ray found */
 )
 {
 	ILFGLINT  *gp = r->glint;
-	COLOR  c;
+	SCOLOR  c;
 
-	copycolor(c, r->rcol);
-	do
-		multcolor(c, r->rcoef);
-	while (r != gp->ray && (r = r->parent) != NULL);
-	addcolor(gp->sum, c);
+	copyscolor(c, r->rcol);
+	do {
+		smultscolor(c, r->rcoef);
+	} while (r != gp->ray && (r = r->parent) != NULL);
+	saddscolor(gp->sum, c);
 }
 
 
@@ -223,9 +224,9 @@ ilfrandom(			/* get random number for libilf */
 
 	if (dim != ILF_ALONG_MAP)
 		return(frandom());
-	dimlist[ndims++] = ((ILFHOST *)p)->ip->sn + ILFSEED;
+	dimlist[ndims_inc()] = ((ILFHOST *)p)->ip->sn + ILFSEED;
 	d = urand(ilhash(dimlist,ndims)+samplendx);
-	ndims--;
+	dec_ndims();
 	return(d);
 }
 
@@ -247,7 +248,7 @@ ilflobe(			/* get surface's coefficient for libilf */
 			(lobes & ILF_GLOSSY ? DIRSPEC : 0);
 	(*hp->f)(cv, hp->p, d, ILFOMEGA);
 	hp->r->rparts = 0;
-	return(intens(cv)*(1./ILFOMEGA));
+	return(sintens(cv)*(1./ILFOMEGA));
 }
 
 
@@ -259,20 +260,22 @@ ilfshadow(			/* trace shadow ray for libilf */
 {
 	ILFHOST  *hp = (ILFHOST *)p;
 	RAY  sr;
+	int  i;
 
-	rayorigin(&sr, SHADOW, hp->r, NULL);
+	rayorigin(&sr, shadowtype(hp->r,ap->dir), hp->r, NULL);
 	VCOPY(sr.rdir, ap->dir);
 	sr.rsrc = hp->ip->sn;
-	copycolor(sr.rcoef, (const COLORV *)ap->coef);
-	scalecolor(sr.rcoef, 1./ILFOMEGA);
-	scalecolor(sr.rcoef, ap->scale);
+	copyscolor(sr.rcoef, (const COLORV *)ap->coef);
+	scalescolor(sr.rcoef, 1./ILFOMEGA);
+	scalescolor(sr.rcoef, ap->scale);
 	rayvalue(&sr);
-	if ((colval(sr.rcol,RED) == 0.0) &	/* a channel of it */
-			(colval(sr.rcol,GRN) == 0.0) &	/* may be < 0 */
-			(colval(sr.rcol,BLU) == 0.0))
+	for (i = NCSAMP; i--; )		/* a channel of it may be < 0 */
+		if (sr.rcol[i] != 0.0)
+			break;
+	if (i < 0)
 		return(0);
-	multcolor(sr.rcol, sr.rcoef);
-	addcolor(hp->r->rcol, sr.rcol);
+	smultscolor(sr.rcol, sr.rcoef);
+	saddscolor(hp->r->rcol, sr.rcol);
 	return(1);
 }
 
@@ -286,20 +289,20 @@ ilfglint(			/* trace ray to a glint for libilf */
 {
 	ILFHOST  *hp = (ILFHOST *)p;
 	ILFGLINT  gl;
-	COLOR  coef;
+	SCOLOR  coef;
 	RAY  gr;
 
-	copycolor(coef, (const COLORV *)ap->coef);
-	scalecolor(coef, ap->scale/ILFOMEGA);
-	if (rayorigin(&gr, AMBIENT, hp->r, coef) < 0)
+	copyscolor(coef, (const COLORV *)ap->coef);
+	scalescolor(coef, ap->scale/ILFOMEGA);
+	if (rayorigin(&gr, ambienttype(hp->r,ap->dir), hp->r, coef) < 0)
 		return;
 	VCOPY(gr.rdir, ap->dir);
 	gl.ray = &gr;
 	gl.ball = hp->ip->ball[ball];
-	setcolor(gl.sum, 0.0, 0.0, 0.0);
+	scolorblack(gl.sum);
 	gr.glint = &gl;
 	rayvalue(&gr);
-	addcolor(hp->r->rcol, gl.sum);
+	saddscolor(hp->r->rcol, gl.sum);
 }
 
 
@@ -327,7 +330,7 @@ ilfdirect(			/* add direct part of light fields */
 {
 	ILFHOST  me = {NULL, r, f, p};
 	ilf_host  host = {ilfrandom, ilflobe, ilfshadow, ilfglint, auxhit,
-				sizeof(COLOR), (void *)&me};
+				NCSAMP*sizeof(COLORV), (void *)&me};
 	ilf_point  pt;
 	ilf_error  err;
 	ILFMAT  *ip;
@@ -406,11 +409,11 @@ m_ilf(				/* ray met auxiliary geometry */
 		ilferror(m, &err);
 					/* modify value */
 	raytexture(r, m->omod);
-	setcolor(r->rcol, rgb[0], rgb[1], rgb[2]);
-	multcolor(r->rcol, r->pcol);
+	setscolor(r->rcol, rgb[0], rgb[1], rgb[2]);
+	smultscolor(r->rcol, r->pcol);
 	if (r->glint != NULL) {		/* counted on its own */
 		glintadd(r);
-		setcolor(r->rcol, 0.0, 0.0, 0.0);
+		scolorblack(r->rcol);
 	}
 	r->rsrc = -1;			/* we are what was aimed for */
 	return(1);

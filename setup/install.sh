@@ -55,7 +55,7 @@ for p in "$@"; do
     [ "$p" = -- ] || ln -sf "../../../bin/$mark$p" "$dest/lib/ilf/bin/$p"
 done
 put 644 LICENSE "$doc/LICENSE"
-[ ! -f "$build0/radiance/src/License.txt" ] || put 644 "$build0/radiance/src/License.txt" "$doc/Radiance-License.txt"
+[ ! -f "$build/radiance/src/License.txt" ] || put 644 "$build/radiance/src/License.txt" "$doc/Radiance-License.txt"
 for f in "$build0"/doc/*; do [ ! -f "$f" ] || put 644 "$f" "$doc/$(basename "$f")"; done
 cat >"$dest/lib/pkgconfig/ilf.pc" <<EOF
 prefix=$prefix

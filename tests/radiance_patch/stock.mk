@@ -2,18 +2,20 @@
 
 STOCK          := $(B)/test/stock
 STOCK_PROGRAMS := rpict rtrace rcontrib oconv
-# sources that a patch changes, those with tables as long as the list of types, which a patch makes longer, and what libpath.c stands for
-STOCK_OWN      := $(sort $(shell sed -n 's,^+++ b/\(.*\)\.c$$,\1,p' $(RAD_SERIES)) common/otypes ot/initotypes rt/pmapmat rt/pmapsrc rt/srcsupp common/getlibpath)
+# sources that a patch changes, those that know rays, which a patch makes longer, or have tables as long as the list of types, which
+# another does, and what libpath.c stands for
+STOCK_OWN      := $(sort $(shell sed -n 's,^+++ b/\(.*\)\.c$$,\1,p' $(RAD_SERIES)) $(RAD_RT:%=rt/%) $(filter rt/%,$(foreach p,$(STOCK_PROGRAMS),$(RAD_MAIN_$(p)))) \
+	common/otypes ot/initotypes common/getlibpath)
 STOCK_CFLAGS    = $(filter-out -I%,$(RAD_CFLAGS)) -I$(STOCK)/src/common -I$(STOCK)/src/rt
 # $(call stock,FILES): the objects of Radiance's files, in the unpatched form where the forms differ
 stock           = $(foreach f,$(1),$(if $(filter $(f),$(STOCK_OWN)),$(STOCK)/obj,$(RADOBJ))/$(f).o)
 
 # what is compiled twice follows from these
-STOCK_LIST     := tests/radiance_patch/stock.mk radiance_patch/series $(RAD_SERIES)
+STOCK_LIST     := tests/radiance_patch/stock.mk radiance_patch/$(RAD_VERSION)/series $(RAD_SERIES)
 
 $(STOCK)/src/.unpacked: radiance_patch/unpack.sh $(RAD_ORIGIN) $(if $(RADIANCE_SRC),,$(B0)/radiance/sdist.tar.gz)
 	@mkdir -p $(@D)
-	@sh radiance_patch/unpack.sh "$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(B0)/radiance/sdist.tar.gz)" $(@D) /dev/null
+	@sh radiance_patch/unpack.sh "$(if $(RADIANCE_SRC),$(RADIANCE_SRC),$(B0)/radiance/sdist.tar.gz)" $(@D) /dev/null >/dev/null
 	@touch $@
 $(STOCK)/obj/%.o: $(B)/flags/radiance | $(STOCK)/src/.unpacked
 	@mkdir -p $(@D)

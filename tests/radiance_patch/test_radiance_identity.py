@@ -18,6 +18,7 @@ from test_radiance_di import GROUND, THINGS, VIEW, bsdf_file, things
 
 STOCK = BUILD / "test" / "stock"
 SEED = "7"
+ALONE = {"ot/obj2mesh", "ot/init2otypes"}       # parts of programs that have no unpatched twin
 CLOCK = {"LD_PRELOAD": str(STOCK / "clock.so"), "CLOCK": SEED}
 LAMPS = ("\nvoid light bulb 0 0 3 30 20 10\n" + Sphere((0.5, -0.5, 1.5), 0.1).rad("bulb", "lamp")
          + "\nvoid spotlight beam 0 0 7 200 200 300 40 -.3 .2 -1\n" + Ring((0.9, -0.4, 1.4), (-0.3, 0.2, -1), 0, 0.05).rad("beam", "torch")
@@ -127,7 +128,9 @@ def test_octrees_are_those_of_the_other_oconv(scene):
 
 def test_shared_objects_know_nothing_of_the_patches():
     """What is compiled once for both must not depend on what the patches put into headers."""
-    patches = [(TOP / "radiance_patch" / p).read_text() for p in (TOP / "radiance_patch" / "series").read_text().split()]
+    version = "6.1" if "6.1" in (STOCK / "src" / "rt" / "VERSION").read_text() else "5.4a"
+    folder = TOP / "radiance_patch" / version
+    patches = [(folder / p).read_text() for p in (folder / "series").read_text().split()]
     added = []
     for header in re.findall(r"^\+\+\+ b/\S+\.h\n((?:[-+@ ].*\n)*)", "".join(patches), re.M):
         added += [a or b for a, b in re.findall(r"^[-+](?:#define\s+(\w+)|extern\s+\w+\s+(\w+))", header, re.M)]
@@ -138,5 +141,5 @@ def test_shared_objects_know_nothing_of_the_patches():
     for folder in ("common", "rt", "ot"):
         for path in (STOCK / "src" / folder).glob("*.c"):
             name = path.relative_to(STOCK / "src").with_suffix("")
-            if (BUILD / "radiance" / "obj" / name).with_suffix(".o").is_file() and name not in objects:
+            if (BUILD / "radiance" / "obj" / name).with_suffix(".o").is_file() and name not in objects and str(name) not in ALONE:
                 assert not words.search(path.read_bytes()), name
