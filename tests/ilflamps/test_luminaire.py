@@ -1,16 +1,15 @@
 """Lamps' bodies (ilfmat/lamps): their solid angles three ways, and directions drawn towards them."""
-import subprocess
-
 import numpy as np
 import pytest
 from conftest import BUILD
+from process import execute
 
 SPHERE, RECTANGLE, DISC, TUBE = range(4)
 
 
 def ask(shape, centre, a=(0, 0, 0), b=(0, 0, 0), radius=0., eye=(0, 0, 0)):
     line = " ".join(map(repr, map(float, [*centre, *a, *b, radius, *eye])))
-    r = subprocess.run([BUILD / "test" / "luminaire"], input=f"{shape} {line}\n", capture_output=True, text=True, check=True)
+    r = execute([BUILD / "test" / "luminaire"], input=f"{shape} {line}\n", capture_output=True, text=True, check=True)
     return dict(zip("omega shot drawn missed least most".split(), map(float, r.stdout.split())))
 
 
