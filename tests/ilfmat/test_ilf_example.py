@@ -1,11 +1,10 @@
 """ilfmat/examples/pathtrace.c, a host of libilf's that knows no Radiance, against rtrace in the same scene."""
-import subprocess
-
 import numpy as np
 import OpenEXR
 import pytest
 
 from conftest import BUILD, environment
+from process import execute
 from ilf_util import f32, unit, write_ilf
 from rad_util import Polygon, Sphere, material, oconv, rtrace
 from render_scene import LUMINANCE, small_room
@@ -26,7 +25,7 @@ void metal white 0 0 5 1 1 1 1 0
 def pathtrace(folder, out, *options):
     if not PATHTRACE.is_file():
         pytest.skip("the example is not built: run make examples")
-    p = subprocess.run([str(PATHTRACE), "room.ilf.exr", out, *map(str, options)], cwd=folder, env=environment(), capture_output=True, text=True)
+    p = execute([str(PATHTRACE), "room.ilf.exr", out, *map(str, options)], cwd=folder, env=environment(), capture_output=True, text=True)
     assert p.returncode == 0 and not p.stdout + p.stderr, p.stderr
     return np.asarray(OpenEXR.File(str(folder / out)).channels()["RGB"].pixels, float)
 
@@ -77,9 +76,9 @@ def test_example_is_a_picture_like_any(tmp_path):
 def test_example_says_what_is_wrong(tmp_path):
     if not PATHTRACE.is_file():
         pytest.skip("the example is not built: run make examples")
-    r = subprocess.run([str(PATHTRACE), "none.exr", "out.exr"], cwd=tmp_path, capture_output=True, text=True)
+    r = execute([str(PATHTRACE), "none.exr", "out.exr"], cwd=tmp_path, capture_output=True, text=True)
     assert r.returncode == 1 and r.stderr.startswith("pathtrace: none.exr") and r.stderr.count("\n") == 1
-    assert subprocess.run([str(PATHTRACE)], capture_output=True).returncode == 2
+    assert execute([str(PATHTRACE)], capture_output=True).returncode == 2
     write_ilf(tmp_path / "room.ilf.exr", small_room().light_field(1, 1, 4, 2))
-    r = subprocess.run([str(PATHTRACE), "room.ilf.exr", "no/such/folder.exr", "1"], cwd=tmp_path, capture_output=True, text=True)
+    r = execute([str(PATHTRACE), "room.ilf.exr", "no/such/folder.exr", "1"], cwd=tmp_path, capture_output=True, text=True)
     assert r.returncode == 1 and "no/such/folder.exr" in r.stderr

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from conftest import BUILD, TOP, environment
+from process import execute
 from ilf_util import ILF, PI, unit, write_ilf
 from render_scene import LUMINANCE, small_room
 from test_ilf_sampling import AUX, SPARSE, aimed_rays, excess, info, way_out
@@ -34,8 +35,8 @@ def ilflight(path, records, *options):
     program = BUILD / "test" / "ilflight"
     if not program.is_file():
         pytest.skip("the test driver ilflight is not built: run make test")
-    p = subprocess.run([str(program), str(path), *map(str, options)], input=np.asarray(records, float).tobytes(),
-                       stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment(), timeout=600)
+    p = execute([str(program), str(path), *map(str, options)], input=np.asarray(records, float).tobytes(),
+                       stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment())
     assert p.returncode == 0, p.stderr.decode()
     return np.frombuffer(p.stdout, "<f8").reshape(-1, 4, 3)
 
@@ -254,13 +255,13 @@ def test_lighting_within_lighting(files):
 
 def symbols(file, dynamic=False):
     """(class, name, section) of a library's symbols."""
-    p = subprocess.run(["nm", "-f", "sysv", *(["-D"] if dynamic else []), str(file)], capture_output=True, text=True, check=True)
+    p = execute(["nm", "-f", "sysv", *(["-D"] if dynamic else []), str(file)], capture_output=True, text=True, check=True)
     rows = [[w.strip() for w in line.split("|")] for line in p.stdout.splitlines() if line.count("|") == 6]
     return [(r[2], r[0].split("@")[0], r[6]) for r in rows if r[0] != "Name"]
 
 
 def library_file(name):
-    p = subprocess.run(["gcc", f"-print-file-name={name}"], capture_output=True, text=True, check=True)
+    p = execute(["gcc", f"-print-file-name={name}"], capture_output=True, text=True, check=True)
     return p.stdout.strip()
 
 
