@@ -231,6 +231,7 @@ ilf_status ilf_patches_lamps(ilf_lamp *lamps, int *n, int most, const ilf_patche
 typedef struct ilf_sampler ilf_sampler;
 typedef struct ilf_slice ilf_slice;
 
+/* Open a sampler over the list, which must stay open: *sampler is the caller's until ilf_sampler_close. */
 ilf_status ilf_sampler_open(ilf_sampler **sampler, const ilf_patches *patches, ilf_error *err);
 void ilf_sampler_close(ilf_sampler *sampler); /* NULL allowed */
 
@@ -241,6 +242,7 @@ typedef struct ilf_work {
     int64_t rays;       /* that it had traced towards the light field */
     int64_t glints;     /* that it had traced towards mirror images of lamps */
 } ilf_work;
+/* Its own only: a host with several threads adds them up. */
 void ilf_sampler_work(ilf_work *work, const ilf_sampler *sampler);
 
 /* The slice of the excess that the cube around a point sees.  *slice is NULL where nothing bright
