@@ -137,7 +137,7 @@ def test_error_falls_with_samples(files):
 @pytest.mark.parametrize("aux", ["far", "box"])
 def test_what_hides_a_lamp(files, aux):
     threshold, _ = info(files["lamps"], *AUX[aux])
-    x, n = points_and_normals(np.random.default_rng(63), 4)
+    x, n = points_and_normals(np.random.default_rng(63), 8)
     got = ilflight(files["lamps"], np.concatenate([x, n], 1), *AUX[aux], "--block", numbers(BLOCK), "--copies", 800)
     hidden = 0
     for k in range(len(x)):
