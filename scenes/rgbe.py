@@ -63,9 +63,10 @@ def decode(data, path):
     """(codes, header) of a file's bytes: codes (rows, columns, 4), top row first, and the header's text.  RgbeError, which
     names the path, where it is no such picture."""
     end = data.find(b"\n\n")
-    if not data.startswith(b"#?") or end < 0:
+    header = data[:max(end, 0)].decode("latin-1")
+    # programs put lines of their own in front of "#?RADIANCE"; Radiance itself asks for the format alone
+    if not header.startswith("#?") and "\nFORMAT=32-bit_rle_" not in header:
         raise RgbeError(f"{path}: expected a Radiance picture, found no #? header")
-    header = data[:end].decode("latin-1")
     if "32-bit_rle_xyze" in header:
         raise RgbeError(f"{path}: expected 32-bit_rle_rgbe, found XYZE")
     eol = data.find(b"\n", end + 2)
