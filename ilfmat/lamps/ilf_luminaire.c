@@ -6,19 +6,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "ilf_vec.h"
+
 static const double pi = 3.14159265358979323846;
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void cross(double r[3], const double a[3], const double b[3])
-{
-    r[0] = a[1] * b[2] - a[2] * b[1];
-    r[1] = a[2] * b[0] - a[0] * b[2];
-    r[2] = a[0] * b[1] - a[1] * b[0];
-}
 
 static double away(double e[3], const ilf_luminaire *l, const double o[3])
 {

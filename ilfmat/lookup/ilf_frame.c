@@ -5,6 +5,7 @@
 #include <stdio.h>
 
 #include "ilf_internal.h"
+#include "ilf_vec.h"
 
 ilf_status ilf_fail(ilf_error *err, ilf_status status, const char *fmt, ...)
 {
@@ -21,22 +22,10 @@ ilf_status ilf_fail(ilf_error *err, ilf_status status, const char *fmt, ...)
     return status;
 }
 
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /* Length without overflow or underflow of the squares. */
 static double length(const double a[3])
 {
     return hypot(hypot(a[0], a[1]), a[2]);
-}
-
-static void cross(double c[3], const double a[3], const double b[3])
-{
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
 /* Unit vector of a; 0 if a has no usable length. */

@@ -22,6 +22,8 @@
 
 #include "ilf_sampler.h"
 
+#include "ilf_vec.h"
+
 /* With more balls that see lamps we don't begin; so many lamps of a ball, and glints of a point, are looked
  * at.  A point's cones are found anew for each scattered ray that meets a ball: some 10 microseconds for 64.
  */
@@ -72,18 +74,6 @@ typedef struct glint {
 } glint;
 
 /* ---- vectors ---------------------------------------------------------------------------------- */
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void cross(double r[3], const double a[3], const double b[3])
-{
-    r[0] = a[1] * b[2] - a[2] * b[1];
-    r[1] = a[2] * b[0] - a[0] * b[2];
-    r[2] = a[0] * b[1] - a[1] * b[0];
-}
 
 static double normalize(double a[3])
 {

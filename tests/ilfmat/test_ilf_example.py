@@ -1,7 +1,6 @@
 """ilfmat/examples/pathtrace.c, a host of libilf's that knows no Radiance, against rtrace in the same scene."""
 import numpy as np
 import OpenEXR
-import pytest
 
 from conftest import BUILD, environment
 from process import execute
@@ -23,8 +22,7 @@ void metal white 0 0 5 1 1 1 1 0
 
 
 def pathtrace(folder, out, *options):
-    if not PATHTRACE.is_file():
-        pytest.skip("the example is not built: run make examples")
+    assert PATHTRACE.is_file(), "the example is not built: run make examples"
     p = execute([str(PATHTRACE), "room.ilf.exr", out, *map(str, options)], cwd=folder, env=environment(), capture_output=True, text=True)
     assert p.returncode == 0 and not p.stdout + p.stderr, p.stderr
     return np.asarray(OpenEXR.File(str(folder / out)).channels()["RGB"].pixels, float)
@@ -74,8 +72,7 @@ def test_example_is_a_picture_like_any(tmp_path):
 
 
 def test_example_says_what_is_wrong(tmp_path):
-    if not PATHTRACE.is_file():
-        pytest.skip("the example is not built: run make examples")
+    assert PATHTRACE.is_file(), "the example is not built: run make examples"
     r = execute([str(PATHTRACE), "none.exr", "out.exr"], cwd=tmp_path, capture_output=True, text=True)
     assert r.returncode == 1 and r.stderr.startswith("pathtrace: none.exr") and r.stderr.count("\n") == 1
     assert execute([str(PATHTRACE)], capture_output=True).returncode == 2

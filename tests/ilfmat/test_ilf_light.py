@@ -33,8 +33,7 @@ def numbers(v):
 def ilflight(path, records, *options):
     """Mean and mean square of estimates: (records, 4, 3)."""
     program = BUILD / "test" / "ilflight"
-    if not program.is_file():
-        pytest.skip("the test driver ilflight is not built: run make test")
+    assert program.is_file(), "the test driver ilflight is not built: run make test"
     p = execute([str(program), str(path), *map(str, options)], input=np.asarray(records, float).tobytes(),
                        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment())
     assert p.returncode == 0, p.stderr.decode()

@@ -35,7 +35,7 @@ BELOW = {
     "ilfmat/file": ["ilfmat", "common/exr"],
     "ilfmat/lookup": ["ilfmat"],
     "ilfmat/sampling": ["ilfmat"],
-    "ilfmat/lamps": [],
+    "ilfmat/lamps": ["ilfmat"],
     "ilfmat": ["common/exr"],
     "ilfmat/programs": ["ilfmat", "common/image", "common/base"],
     "ilfmat/examples": ["ilfmat"],
