@@ -114,7 +114,7 @@ static double look(const room *w, const double *o, const double *d, const int *w
                    int depth)
 {
     int side = 0, hit = -1;
-    double st[2], best[2] = {0, 0}, t = wall(w, o, d, L, &side);
+    double st[2] = {0, 0}, best[2] = {0, 0}, t = wall(w, o, d, L, &side);
 
     for (int i = 0; i < n; i++) {
         const body *b = w->b + which[i];

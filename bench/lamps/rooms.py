@@ -7,7 +7,8 @@
 
 score compares radiance along the rays of a quadrature (lamps, 8 degrees round them, the rest) at 75 points, .02, .1 and .3 m above the
 plane, with the room itself.  Figures in %: up (rms error of irradiance upwards, of its mean), side (the same for four sides), rad
-(mean of the integral of |L - L_true| cos over E), worst (largest single up).  Needs numpy, OpenEXR, gcc; ilflamps on PATH.
+(mean of the integral of |L - L_true| cos over E), worst (largest single up).  Needs numpy, OpenEXR, build/test/caster.so (make makes it);
+ilflamps on PATH.
 """
 import ctypes, json, os, subprocess, sys, tempfile
 import numpy as np
@@ -26,12 +27,10 @@ class _Room(ctypes.Structure):
 
 
 def library():
-    at = os.path.join(tempfile.gettempdir(), f"lamps-caster-{os.getuid()}.so")
-    source = os.path.join(HERE, "caster.c")
-    if not os.path.exists(at) or os.path.getmtime(at) < os.path.getmtime(source):
-        new = f"{at}.{os.getpid()}"
-        subprocess.run(["gcc", "-O2", "-ffast-math", "-fopenmp", "-shared", "-fPIC", "-o", new, source, "-lm"], check=True)
-        os.replace(new, at)
+    top = os.path.dirname(os.path.dirname(HERE))
+    at = os.path.join(top, os.environ.get("ILF_BUILD", "build"), "test", "caster.so")
+    if not os.path.exists(at):
+        sys.exit(f"rooms.py: {at} is not there: make {os.path.relpath(at, top)}")
     return ctypes.CDLL(at)
 
 
