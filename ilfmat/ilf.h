@@ -35,6 +35,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "ilf_luminaire.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -106,6 +108,10 @@ const ilf_info *ilf_get_info(const ilf *field);   /* owned by field */
 const ilf_frame *ilf_get_frame(const ilf *field); /* the header's plane; owned by field */
 const char *ilf_get_path(const ilf *field);       /* as given to ilf_open */
 
+/* The lamps that were taken out of the field (a file of version 2), in its own coordinates (ilf_luminaire.h);
+ * *n of them.  The texels hold what is left.  NULL and 0 where none were.  Owned by field. */
+const ilf_luminaire *ilf_get_luminaires(int *n, const ilf *field);
+
 /* What has been used so far.  Probes come in when a lookup first needs them. */
 typedef struct ilf_usage {
     int64_t probes;        /* touched */
@@ -146,11 +152,13 @@ typedef enum ilf_mode {
 /* Radiance that arrives along a ray.
  *   rgb        out: radiance of R, G, B
  *   frame      where the light field lies (ilf_get_frame, or a frame of the caller's)
- *   origin     ray's origin; used only when hit is NULL
+ *   origin     ray's origin; where the field has no lamps taken out, used only when hit is NULL
  *   dir        direction towards the light, any length > 0
  *   hit        where the ray meets the auxiliary geometry; NULL when that is at infinity:
  *              the ray is then traced back from its own origin, without depth correction
- * Rays with dir.n <= 0 give 0.  The result is finite for every finite ray.  If hit falls on a
+ * Rays with dir.n <= 0 give 0.  Where the field's lamps were taken out, a ray that meets one before hit sees it
+ * in front of the texels' radiance, dimmed by what lies between the lamp and the ray's origin; without depth
+ * correction, between the lamp and where the ray crosses the plane.  The result is finite for every finite ray.  If hit falls on a
  * probe's own position, that probe is looked up in direction dir.
  * Fails if dir is zero, a coordinate is not finite, or a probe can't be read. */
 ilf_status ilf_eval(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3],
@@ -160,7 +168,8 @@ ilf_status ilf_eval(float rgb[3], const ilf *field, const ilf_frame *frame, cons
  *
  * A light field is split by luminance at a threshold T into a smooth base and an excess,
  *     L = min(L, T) + max(L - T, 0)        (colour kept: both parts have L's chromaticity)
- * of which the excess is small in solid angle and worth aiming at.  The list of the probes' bright
+ * of which the excess is small in solid angle and worth aiming at.  Where lamps were taken out of the field, the
+ * base is the texels' alone, and the lamps all excess.  The list of the probes' bright
  * patches is made once, is not changed any more, and may be shared by threads; its field must stay open. */
 
 typedef struct ilf_patches ilf_patches;
@@ -192,7 +201,8 @@ ilf_status ilf_patches_open(ilf_patches **patches, const ilf *field, const ilf_f
 void ilf_patches_close(ilf_patches *patches); /* NULL allowed; after the samplers over it */
 
 double ilf_patches_threshold(const ilf_patches *patches); /* T, as given or found */
-int64_t ilf_patches_count(const ilf_patches *patches);    /* 0: nothing exceeds the threshold */
+int64_t ilf_patches_count(const ilf_patches *patches); /* with lamps that were taken out; 0: nothing exceeds
+                                                          the threshold */
 
 /* Radiance's luminance of a colour, without the 179 lm/W. */
 static inline double ilf_luminance(const float rgb[3])
@@ -298,7 +308,15 @@ typedef struct ilf_aim {
 } ilf_aim;
 
 /* What random numbers are for: a host with a sequence of many dimensions tells them apart. */
-enum { ILF_ALONG_MAP, ILF_IN_CELL_U, ILF_IN_CELL_V, ILF_CHOICE, ILF_GLINT_RADIUS, ILF_GLINT_ANGLE };
+enum {
+    ILF_ALONG_MAP,
+    ILF_IN_CELL_U,
+    ILF_IN_CELL_V,
+    ILF_CHOICE,
+    ILF_GLINT_RADIUS,
+    ILF_GLINT_ANGLE,
+    ILF_IN_LAMP
+};
 
 /* What a host does for ilf_light.  Calls come from within ilf_light, in the same thread; shadow and glint may
  * call ilf_light again (for points that their rays meet), and may leave it for good (longjmp, exit). */

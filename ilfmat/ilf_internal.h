@@ -76,8 +76,10 @@ struct ilf {
     const unsigned char *_Atomic *pix; /* of each probe, NULL until it is read */
     pthread_mutex_t lock;              /* held while a probe is read */
     ilf_usage usage;                   /* under lock */
-    ilf_error exr_words;               /* OpenEXR's own words, under lock */
-    ilf_error fault;                   /* what ilf_fault says */
+    ilf_luminaire *lamps;              /* n_lamps, that were taken out of the texels; NULL: none were */
+    int n_lamps;
+    ilf_error exr_words; /* OpenEXR's own words, under lock */
+    ilf_error fault;     /* what ilf_fault says */
 };
 
 /* Fill err (may be NULL) and return status.  Control characters become '?'. */
@@ -109,7 +111,26 @@ void ilf_choose_layout(ilf *field);
 int ilf_same_texels(const ilf *field, const unsigned char *pix, uint64_t planar);
 int ilf_copy_texels(const ilf *field, unsigned char *pix, uint64_t planar);
 
-/* ilf_eval in plain C, for any ray on any processor; and what is faster where the processor has AVX2, FMA and
+/* ilf_eval without lamps: what the texels hold. */
+ilf_status ilf_eval_residual(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3],
+                             const double dir[3], const double *hit, ilf_mode mode, ilf_error *err);
+
+/* A point in the lamps' own coordinates, which are the header's: frame may have been moved, turned, mirrored
+ * and scaled (evenly). */
+void ilf_lamp_point(double p[3], const ilf *field, const ilf_frame *frame, const double x[3]);
+
+/* The number of the first lamp that the ray o + t d (lamps' coordinates, d unit) meets, or -1; reach is where
+ * it ends. */
+int ilf_nearest_lamp(const ilf *field, const double o[3], const double d[3], double reach);
+
+/* Put a lamp in front of what the texels hold along a ray that meets it. */
+void ilf_add_lamp(float rgb[3], const ilf_luminaire *lamp, const double o[3], const double d[3]);
+
+/* Put the lamps of a field that has some in front of rgb; arguments as ilf_eval's, but origin may be NULL. */
+ilf_status ilf_add_lamps(float rgb[3], const ilf *field, const ilf_frame *frame, const double *origin,
+                         const double dir[3], const double *hit, ilf_mode mode, ilf_error *err);
+
+/* ilf_eval_residual in plain C, for any ray on any processor; and what is faster where the processor has AVX2, FMA and
  * F16C, else NULL. */
 ilf_status ilf_eval_plain(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3],
                           const double dir[3], const double *hit, ilf_mode mode, ilf_error *err);

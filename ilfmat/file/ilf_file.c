@@ -340,6 +340,12 @@ const ilf_info *ilf_get_info(const ilf *f)
     return &f->info;
 }
 
+const ilf_luminaire *ilf_get_luminaires(int *n, const ilf *f)
+{
+    *n = f->n_lamps;
+    return f->lamps;
+}
+
 const ilf_frame *ilf_get_frame(const ilf *f)
 {
     return &f->frame;

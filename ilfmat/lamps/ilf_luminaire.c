@@ -21,7 +21,7 @@ static int hit_ball(double *t, const double e[3], double radius, const double d[
     const double m = dot(e, d), x = e[0] - m * d[0], y = e[1] - m * d[1], z = e[2] - m * d[2];
     const double q = radius * radius - (x * x + y * y + z * z);
 
-    if (q <= 0 || m - sqrt(q) <= 0) return 0;
+    if (!(q > 0) || !(m - sqrt(q) > 0)) return 0; /* nor for numbers that overflowed */
     *t = m - sqrt(q);
     return 1;
 }

@@ -212,8 +212,8 @@ ilf_status ilf_eval_plain(float rgb[3], const ilf *f, const ilf_frame *fr, const
     return ILF_OK;
 }
 
-ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3],
-                    const double dir[3], const double *hit, ilf_mode mode, ilf_error *err)
+ilf_status ilf_eval_residual(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3],
+                             const double dir[3], const double *hit, ilf_mode mode, ilf_error *err)
 {
     const int corrected = hit && mode == ILF_DEPTH;
 

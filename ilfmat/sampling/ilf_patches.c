@@ -214,7 +214,7 @@ static ilf_status fill(ilf_patches *pl, const ilf_patches_spec *spec, ilf_error 
         pl->threshold = BRIGHT * mean; /* 0 where these probes have no light: what others have is excess */
     }
     if (st == ILF_OK) st = list_patches(pl, err);
-    if (st == ILF_OK && pl->n && spec->n_balls)
+    if (st == ILF_OK && ilf_patches_count(pl) && spec->n_balls)
         st = ilf_glint_balls_open(&pl->balls, pl, spec->balls, spec->n_balls, err);
     pl->hit = NULL;
     pl->context = NULL;
@@ -250,5 +250,5 @@ double ilf_patches_threshold(const ilf_patches *pl)
 
 int64_t ilf_patches_count(const ilf_patches *pl)
 {
-    return (int64_t)pl->n;
+    return (int64_t)pl->n + pl->field->n_lamps;
 }

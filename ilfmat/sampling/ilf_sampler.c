@@ -105,13 +105,11 @@ static int make_room(ilf_sampler *s)
     return 0;
 }
 
-ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *s, const double point[3], ilf_error *err)
+ilf_status ilf_sampler_cube(ilf_slice **slice, ilf_sampler *s, const double point[3], ilf_error *err)
 {
     const ilf_frame *fr = &s->of->frame;
     int64_t key[3];
 
-    *slice = NULL;
-    if (s->of->n == 0) return ILF_OK;
     for (int c = 0; c < 3; c++) {
         const double *axis = c == 0 ? fr->u : c == 1 ? fr->v : fr->n;
         const double x = (point[0] - fr->origin[0]) * axis[0] + (point[1] - fr->origin[1]) * axis[1] +
@@ -130,6 +128,15 @@ ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *s, const double poi
         if (st != ILF_OK) return st;
         s->used++;
     }
-    if (s->table[k]->cells) *slice = s->table[k];
+    *slice = s->table[k];
     return ILF_OK;
+}
+
+ilf_status ilf_sampler_slice(ilf_slice **slice, ilf_sampler *s, const double point[3], ilf_error *err)
+{
+    ilf_slice *sl = NULL;
+    const ilf_status st = s->of->n ? ilf_sampler_cube(&sl, s, point, err) : ILF_OK;
+
+    *slice = st == ILF_OK && sl && sl->cells ? sl : NULL;
+    return st;
 }

@@ -53,17 +53,19 @@ struct ilf_patches {
 typedef struct slice_past {
     double visible, tests; /* rays that met light, and all */
     double mean2, var;     /* sums of squared means, and of variances, of the candidates' weights */
+    double points;         /* that drew candidates; of lamps only */
 } slice_past;
 
 struct ilf_slice {
     int64_t key[3]; /* cube of space */
     slice_past past;
-    double total;      /* sum of the cells' excess luminance */
-    int cells;         /* with light */
-    int last;          /* cell drawn last */
-    uint16_t *cell;    /* ascending Morton numbers */
-    float *cdf;        /* cells + 1 values from 0 to 1 */
-    float *near, *far; /* distances of the light in each cell */
+    slice_past *lamp_past; /* of each lamp that was taken out of the field */
+    double total;          /* sum of the cells' excess luminance */
+    int cells;             /* with light */
+    int last;              /* cell drawn last */
+    uint16_t *cell;        /* ascending Morton numbers */
+    float *cdf;            /* cells + 1 values from 0 to 1 */
+    float *near, *far;     /* distances of the light in each cell */
 };
 
 struct ilf_sampler {
@@ -100,6 +102,10 @@ float ilf_patch_weight(const ilf_patches *patches, const patch *p, const float x
 
 /* Directions of the centres of the cells of a map of side x side; owned by the caller. */
 float (*ilf_cell_centres(int side))[3];
+
+/* The slice of the cube around a point, though nothing of the texels may be bright there (cells is 0); owned
+ * by the sampler, valid until the next call. */
+ilf_status ilf_sampler_cube(ilf_slice **slice, ilf_sampler *s, const double point[3], ilf_error *err);
 
 /* Build the slice that the cube `key` sees; to be freed with free(). */
 ilf_status ilf_build_slice(ilf_slice **slice, ilf_sampler *s, const int64_t key[3], ilf_error *err);

@@ -185,8 +185,8 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
                        (double)s->of->cell_dir[k][2] * fr->n[c];
                 hit[c] = x[c] + far * d[c];
             }
-            const ilf_status st =
-                ilf_eval(rgb, s->of->field, fr, x, d, s->of->mode == ILF_DEPTH ? hit : x, s->of->mode, err);
+            const ilf_status st = ilf_eval_residual(rgb, s->of->field, fr, x, d,
+                                                    s->of->mode == ILF_DEPTH ? hit : x, s->of->mode, err);
             if (st != ILF_OK) return st;
             const float value = (float)fmin(
                 ilf_luminance(rgb) / s->of->unit * ilf_excess_part(rgb, s->of->threshold), MOST_SEEN);
@@ -216,14 +216,15 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
 /* Turn the touched cells into a slice. */
 static ilf_slice *collect(ilf_sampler *s, int touched)
 {
-    const size_t n = (size_t)touched;
-    ilf_slice *sl = malloc(sizeof *sl + (3 * n + 1) * sizeof(float) + n * sizeof(uint16_t));
+    const size_t n = (size_t)touched, past = (size_t)s->of->field->n_lamps * sizeof(slice_past);
+    ilf_slice *sl = malloc(sizeof *sl + past + (3 * n + 1) * sizeof(float) + n * sizeof(uint16_t));
     double total = 0;
 
     if (!sl) return NULL;
-    memset(sl, 0, sizeof *sl);
+    memset(sl, 0, sizeof *sl + past);
     sl->cells = touched;
-    sl->cdf = (float *)(sl + 1);
+    sl->lamp_past = (slice_past *)(sl + 1);
+    sl->cdf = (float *)((char *)(sl + 1) + past);
     sl->near = sl->cdf + n + 1;
     sl->far = sl->near + n;
     sl->cell = (uint16_t *)(sl->far + n);

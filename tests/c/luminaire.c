@@ -9,7 +9,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "lamps/ilf_luminaire.h"
+#include "ilf_luminaire.h"
 
 enum { SIDE = 400 };
 

@@ -4,7 +4,7 @@
 #ifndef PATCH_H
 #define PATCH_H
 
-#include "lamps/ilf_luminaire.h"
+#include "ilf_luminaire.h"
 #include "lightfield.h"
 
 typedef struct patch {

@@ -5,7 +5,7 @@
 #define SHAPE_H
 
 #include "centres.h"
-#include "lamps/ilf_luminaire.h"
+#include "ilf_luminaire.h"
 #include "patch.h"
 
 typedef struct shape {

@@ -5,25 +5,19 @@
  * field's own: x along u, y along v, z along n (ilf_frame), origin at probe (0, 0), in the scene's unit; the
  * probes' plane is z = 0.
  *
- *            lamp    c.  q' = where the ray crosses z = c_z
- *                     \  .
- *      z = h  ---------X------------   X = p + (q' - p) h/c_z: a layer's coordinates
- *                       \  .
- *                  ray   o            "foot" coordinates: F = p + beta (q' - c).  beta = 0: sharp on the
- * plane; beta = t/(1 - t) z = 0  ------------p---------  with t = h/c_z: sharp at height h; -1: at infinity
- * (a beam of directions)
+ *                 lamp  c.  q' = where the ray crosses z = c_z
+ *                        \
+ *      z = h  ------------X------------   a layer's coordinates: X = p + (q' - p) h/c_z
+ *                          \
+ *      ray's origin         o
+ *                            \
+ *      z = 0  ----------------p--------   "foot" coordinates: F = p + beta (q' - c)
  *
- * Light of a ray that meets a lamp: pass x rgb + (1 - min(pass, 1)) x the residual's radiance, where
+ * beta = 0 is sharp on the plane; beta = t/(1 - t) with t = h/c_z is sharp at height h; -1 is sharp at
+ * infinity (a beam of directions).
+ *
+ * Light of a ray that meets a lamp: pass * rgb + (1 - min(pass, 1)) * the residual's radiance, where
  *     pass = max(0, product of the masks that multiply + sum of those that add).
- *
- * What version 2 of the file holds (`ilf:version` = 2; part 0, the residual, laid out as version 1):
- *   `ilf:lamps`      floatvector, 24 numbers a lamp: shape, far, centre x y z, axis a x y z, axis b x y z,
- * radius, R, G, B, number of masks, held-out error of the masks, held-out error of interpolation, position's
- * standard error, relative error of the radiance, 5 zeroes `ilf:masks`      floatvector, 24 numbers a mask,
- * in the lamps' order: kind, link, adds, beta, plane[0..2], coef[0..5], nx, ny, x0, y0, dx, dy, number of its
- * part (0: none), nz, 3 zeroes part `mask.K`    scan lines, one channel Y (half or float), nx x ny (a stack's
- * pictures: nx x ny*nz), row 0 at y0 part `measured`  n_u x n_v, one float channel a lamp: share of the lamp
- * that each probe saw, never clipped
  */
 #ifndef ILF_LUMINAIRE_H
 #define ILF_LUMINAIRE_H
@@ -76,6 +70,12 @@ typedef struct ilf_luminaire {
     float rgb[3]; /* radiance */
     int nmasks;
     ilf_mask *masks; /* nmasks; owned by whoever made the luminaire */
+    /* How sure: relative errors, root mean square, of probes left out while the masks were fitted, and of
+     * interpolation between probes in their place; standard errors of the position (scene's unit) and of the
+     * radiance (relative).  0: not known. */
+    double error_masks, error_interpolation, error_position, error_radiance;
+    float *seen; /* what each probe measured of the lamp's light, 1: all, below 0: none expected (under the
+                    horizon); n_u*n_v, i fastest; NULL: not kept; owned as masks are */
 } ilf_luminaire;
 
 /* 1 if the ray o + t d (d unit) meets the lamp at some t > 0, which goes to *t; else 0 and *t is untouched.
