@@ -112,6 +112,10 @@ const char *ilf_get_path(const ilf *field);       /* as given to ilf_open */
  * *n of them.  The texels hold what is left.  NULL and 0 where none were.  Owned by field. */
 const ilf_luminaire *ilf_get_luminaires(int *n, const ilf *field);
 
+/* May the field lie in this frame?  ILF_ERR_ARG, with words, where its lamps were taken out and the frame's
+ * edges are not in the header's proportion: lamps can be moved, turned, mirrored and scaled evenly. */
+ilf_status ilf_check_frame(const ilf *field, const ilf_frame *frame, ilf_error *err);
+
 /* What has been used so far.  Probes come in when a lookup first needs them. */
 typedef struct ilf_usage {
     int64_t probes;        /* touched */
@@ -160,7 +164,8 @@ typedef enum ilf_mode {
  * in front of the texels' radiance, dimmed by what lies between the lamp and the ray's origin; without depth
  * correction, between the lamp and where the ray crosses the plane.  The result is finite for every finite ray.  If hit falls on a
  * probe's own position, that probe is looked up in direction dir.
- * Fails if dir is zero, a coordinate is not finite, or a probe can't be read. */
+ * Fails if dir is zero, a coordinate is not finite, or a probe can't be read.  The frame must be one that
+ * ilf_check_frame takes. */
 ilf_status ilf_eval(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3],
                     const double dir[3], const double *hit, ilf_mode mode, ilf_error *err);
 

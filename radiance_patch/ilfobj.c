@@ -105,6 +105,8 @@ getilf(				/* get (open) material's light field */
 	if (m->oargs.nfargs && ilf_frame_init(ip->frame, fa, fa+3, fa+6,
 			m->oargs.nfargs == 12 ? fa+9 : NULL, &err) != ILF_OK)
 		ilferror(m, &err);
+	if (ilf_check_frame(ip->file->field, ip->frame, &err) != ILF_OK)
+		ilferror(m, &err);
 	return((ILFMAT *)(m->os = (char *)ip));
 }
 

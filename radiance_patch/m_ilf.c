@@ -170,19 +170,28 @@ glintdone(			/* does a glint's cone count this ray? */
 }
 
 
+static const RAY *
+lastturn(			/* go back to where ray was turned last */
+	const RAY  *r
+)
+{
+	while (r->rtype & TRANS && r->parent != NULL &&
+			DOT(r->rdir, r->parent->rdir) >= 1. - ILFSTRAIGHT)
+		r = r->parent;
+	return(r);
+}
+
+
 static ilf_part
 raypart(			/* which part does a ray see? */
 	ILFMAT  *ip,
 	const RAY  *r
 )
 {
-	const RAY  *rp = r;
+	const RAY  *rp = lastturn(r);
 	ilf_way  way = {0, 0, 0};
 	const ILFGLINT  *gp = r->glint;
-				/* go back to its last turn */
-	while (rp->rtype & TRANS && rp->parent != NULL &&
-			DOT(rp->rdir, rp->parent->rdir) >= 1. - ILFSTRAIGHT)
-		rp = rp->parent;
+
 	if (r->crtype & SHADOW)		/* aimed at us, and not deflected */
 		way.aimed = rp->rtype & SHADOW && r->rsrc == ip->sn ? 1 : -1;
 	else if (gp != NULL)		/* looks for a glint */
@@ -370,7 +379,8 @@ m_ilf(				/* ray met auxiliary geometry */
 )
 {
 	ILFMAT  *mp = getilf(m), *ip = ilfplaced(mp, r);
-	RREAL  *org = r->rorg, *dir = r->rdir, *hit = r->rop;
+	const RREAL  *org = lastturn(r)->rorg;
+	RREAL  *dir = r->rdir, *hit = r->rop;
 	FVECT  lorg, ldir, lhit;
 	ilf_part  part = ILF_ALL;
 	ilf_status  ok;
@@ -394,7 +404,7 @@ m_ilf(				/* ray met auxiliary geometry */
 		ok = ilf_eval_part(rgb, ip->bright, part, org, dir, hit, &err);
 	} else {
 		if (r->rox != NULL) {	/* into the instance's space */
-			multp3(lorg, org, r->rox->b.xfm);
+			multp3(lorg, (RREAL *)org, r->rox->b.xfm);
 			multv3(ldir, dir, r->rox->b.xfm);
 			org = lorg; dir = ldir;
 			if (hit != NULL) {

@@ -86,6 +86,21 @@ ilf_status ilf_add_lamps(float rgb[3], const ilf *f, const ilf_frame *fr, const 
     return ILF_OK;
 }
 
+/* Edges stored as floats have their ratio to about 1e-7. */
+#define EVEN 1e-5
+
+ilf_status ilf_check_frame(const ilf *f, const ilf_frame *fr, ilf_error *err)
+{
+    const double u = fr->len_u / f->frame.len_u, v = fr->len_v / f->frame.len_v;
+
+    if (f->n_lamps == 0 || fabs(u - v) <= EVEN * fmax(u, v)) return ILF_OK;
+    return ilf_fail(
+        err, ILF_ERR_ARG,
+        "%s: plane: expected edges in the file's proportion, since its lamps keep their shapes; found "
+        "%g and %g times as long",
+        f->path, u, v);
+}
+
 ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3],
                     const double dir[3], const double *hit, ilf_mode mode, ilf_error *err)
 {

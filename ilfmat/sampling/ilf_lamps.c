@@ -1,9 +1,10 @@
 /*
- * ilf_lamps.c - bright patches that lie together are a lamp.
+ * ilf_lamps.c - bright patches that lie together are a lamp, and so are those that were taken out of the field.
  */
 #include <stdlib.h>
 
 #include "ilf_sampler.h"
+#include "ilf_vec.h"
 
 /* A lamp being gathered: patches within a few degrees of its first one, as seen from x. */
 typedef struct cluster {
@@ -19,7 +20,7 @@ enum { MAX_CLUSTERS = 64 };
 
 static int by_excess(const void *a, const void *b)
 {
-    const double x = ((const cluster *)a)->excess, y = ((const cluster *)b)->excess;
+    const double x = ((const ilf_lamp *)a)->excess, y = ((const ilf_lamp *)b)->excess;
 
     return (x < y) - (x > y);
 }
@@ -64,31 +65,54 @@ static int gather_lamps(cluster *c, const ilf_patches *pl, const float x[3], flo
     return n;
 }
 
+static void to_world(double p[3], const ilf_frame *fr, double x, double y, double z)
+{
+    for (int a = 0; a < 3; a++) p[a] = fr->origin[a] + x * fr->u[a] + y * fr->v[a] + z * fr->n[a];
+}
+
+static void from_patches(ilf_lamp *lamp, const cluster *c, const ilf_patches *pl)
+{
+    to_world(lamp->position, &pl->frame, c->sum[0] / c->n, c->sum[1] / c->n, c->sum[2] / c->n);
+    lamp->radius = 1.5 * (c->away / c->n + c->ball); /* of a disc, the mean distance is 2/3 of the radius */
+    lamp->excess = c->excess * pl->unit;
+}
+
+/* A lamp that was taken out of the field, as seen from x in its own coordinates; 0 if it gives no light there. */
+static int from_luminaire(ilf_lamp *lamp, const ilf_luminaire *l, const double x[3], const ilf_patches *pl)
+{
+    const double unit = pl->frame.len_u / pl->field->frame.len_u, cone = ilf_luminaire_cone(l, x);
+    const double d[3] = {l->centre[0] - x[0], l->centre[1] - x[1], l->centre[2] - x[2]},
+                 far = sqrt(dot(d, d));
+
+    to_world(lamp->position, &pl->frame, unit * l->centre[0], unit * l->centre[1], unit * l->centre[2]);
+    lamp->radius = unit * far * sin(fmin(cone, ILF_PI / 2));
+    lamp->excess = ilf_luminance(l->rgb);
+    return far > 0 && lamp->excess > 0;
+}
+
 ilf_status ilf_patches_lamps(ilf_lamp *lamps, int *n, int most, const ilf_patches *pl, const double centre[3],
                              double radius, ilf_error *err)
 {
-    const ilf_frame *fr = &pl->frame;
+    const ilf *f = pl->field;
     cluster *c = malloc(MAX_CLUSTERS * sizeof *c);
-    float x[3];
+    ilf_lamp *all = malloc((size_t)(MAX_CLUSTERS + f->n_lamps) * sizeof *all);
+    double own[3];
 
-    if (!c) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for its lamps", pl->field->path);
-    for (int a = 0; a < 3; a++) {
-        const double *axis = a == 0 ? fr->u : a == 1 ? fr->v : fr->n;
-        x[a] = (float)((centre[0] - fr->origin[0]) * axis[0] + (centre[1] - fr->origin[1]) * axis[1] +
-                       (centre[2] - fr->origin[2]) * axis[2]);
+    if (!c || !all) {
+        free(c);
+        free(all);
+        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for its lamps", f->path);
     }
-    const int found = gather_lamps(c, pl, x, (float)radius);
-    qsort(c, (size_t)found, sizeof *c, by_excess);
+    ilf_lamp_point(own, f, &pl->frame, centre);
+    const double unit = pl->frame.len_u / f->frame.len_u;
+    const float x[3] = {(float)(unit * own[0]), (float)(unit * own[1]), (float)(unit * own[2])};
+    int found = gather_lamps(c, pl, x, (float)radius);
+    for (int k = 0; k < found; k++) from_patches(&all[k], &c[k], pl);
+    for (int k = 0; k < f->n_lamps; k++) found += from_luminaire(&all[found], &f->lamps[k], own, pl);
+    qsort(all, (size_t)found, sizeof *all, by_excess);
     *n = found < most ? found : most;
-    for (int k = 0; k < *n; k++) {
-        for (int a = 0; a < 3; a++)
-            lamps[k].position[a] =
-                fr->origin[a] +
-                (c[k].sum[0] * fr->u[a] + c[k].sum[1] * fr->v[a] + c[k].sum[2] * fr->n[a]) / c[k].n;
-        lamps[k].radius =
-            1.5 * (c[k].away / c[k].n + c[k].ball); /* of a disc, the mean distance is 2/3 of the radius */
-        lamps[k].excess = c[k].excess * pl->unit;
-    }
+    memcpy(lamps, all, (size_t)*n * sizeof *lamps);
     free(c);
+    free(all);
     return ILF_OK;
 }

@@ -224,8 +224,10 @@ static ilf_status fill(ilf_patches *pl, const ilf_patches_spec *spec, ilf_error 
 ilf_status ilf_patches_open(ilf_patches **patches, const ilf *field, const ilf_frame *frame,
                             const ilf_patches_spec *spec, ilf_error *err)
 {
-    ilf_patches *pl = calloc(1, sizeof *pl);
+    ilf_status st = ilf_check_frame(field, frame, err);
+    ilf_patches *pl = st == ILF_OK ? calloc(1, sizeof *pl) : NULL;
 
+    if (st != ILF_OK) return st;
     if (!pl) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for sampling", field->path);
     pl->field = field;
     pl->frame = *frame;
@@ -234,7 +236,7 @@ ilf_status ilf_patches_open(ilf_patches **patches, const ilf *field, const ilf_f
     pl->context = spec->context;
     pl->threshold = spec->threshold;
     pl->cube = spec->cube > 0 ? spec->cube : cube_edge(field, frame);
-    const ilf_status st = fill(pl, spec, err);
+    st = fill(pl, spec, err);
     if (st != ILF_OK) {
         ilf_patches_close(pl);
         return st;
