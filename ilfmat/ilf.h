@@ -78,8 +78,10 @@ ilf_status ilf_frame_init(ilf_frame *frame, const double origin[3], const double
 
 /* ---- the file ----------------------------------------------------------------------------- */
 
-/* The edition of docs/FORMAT.md that is written, and the only one that is read. */
-#define ILF_FILE_VERSION 1
+/* The versions of docs/FORMAT.md that are read and written: probes alone, and with lamps that were taken out
+ * of them. */
+#define ILF_FILE_VERSION       1
+#define ILF_FILE_VERSION_LAMPS 2
 
 /* Numbers of 16 or of 32 bits. */
 typedef enum ilf_type { ILF_HALF, ILF_FLOAT } ilf_type;
@@ -95,6 +97,7 @@ typedef struct ilf_info {
     double polar_max;            /* polar angle at the map's lower edge, (0, pi] */
     double polar_valid;          /* beyond it lookups hold the value at it; at most polar_max here */
     int64_t file_bytes;
+    int version; /* of the file: ILF_FILE_VERSION or ILF_FILE_VERSION_LAMPS */
 } ilf_info;
 
 typedef struct ilf ilf; /* an open light field */
@@ -138,8 +141,9 @@ ilf_status ilf_check_unchanged(const ilf *field, ilf_error *err);
 const char *ilf_fault(const ilf *field, const void *address);
 
 /* A number that tells the field's values from any other's: the same for the same values however they are
- * stored, and another (but for one chance in 2^64) where a single texel, the grid, or the polar angles
- * differ.  The plane does not count. Looks through every probe; fails as ilf_read_probe does. */
+ * stored, and another (but for one chance in 2^64) where a single texel, the grid, the polar angles, or a
+ * lamp's light or masks differ.  The plane does not count, nor how sure the lamps are. Looks through every
+ * probe; fails as ilf_read_probe does. */
 ilf_status ilf_digest(uint64_t *digest, const ilf *field, ilf_error *err);
 
 /* One probe's texels as float, n_phi*n_theta*3, row-major from phi = 0, R G B interleaved. */
@@ -388,6 +392,11 @@ typedef struct ilf_spec {
     const char *cap_date;   /* "YYYY:MM:DD HH:MM:SS" or NULL */
     double white_luminance; /* cd/m^2 of RGB (1,1,1); 0: none stated */
     const char *name;       /* what errors call the file; NULL: its path */
+    /* lamps that were taken out of the probes (a file of version 2), in the field's own coordinates; none: a
+     * file of version 1.  Not copied: they stay the caller's, unchanged until ilf_writer_close.  Their numbers
+     * are rounded to floats; masks' pictures to halves if the texels are and no sample is beyond them. */
+    const ilf_luminaire *lamps;
+    int n_lamps;
 } ilf_spec;
 
 typedef struct ilf_writer ilf_writer; /* a file that is being written */

@@ -4,13 +4,13 @@
  * It is taken from the values that lookups see, as float32 in probe order, so that neither the file's name
  * and date nor type, compression and order of its texels play a part: half values are the floats that they
  * stand for.  All of them count, for a change of a single texel is a change of light; the cost is one look
- * through the file, as a sampler takes.
+ * through the file, as a sampler takes.  Lamps that were taken out of the texels count as the file has them.
  *
  * Two chains of h <- (h ^ word) * K, h ^= h >> 32 (each step is invertible, so that a difference never
  * vanishes within a chain), joined and finished as in MurmurHash3's fmix64.  It guards against mistakes, not
  * against forgery.
  */
-#include "ilf_internal.h"
+#include "ilf_lampfile.h"
 
 static uint64_t chain(uint64_t h, uint64_t word)
 {
@@ -50,6 +50,30 @@ static void probe_digest(uint64_t h[2], const ilf *f, const unsigned char *pix)
     h[1] = b;
 }
 
+static void row_digest(uint64_t h[2], const float row[ROW_NUMBERS])
+{
+    for (int k = 0; k < ROW_NUMBERS; k++) h[k & 1] = chain(h[k & 1], bits(row[k]));
+}
+
+/* What lamps shine, and what their masks let through; not how sure they are. */
+static void lamps_digest(uint64_t h[2], const ilf *f)
+{
+    float row[ROW_NUMBERS];
+
+    for (int i = 0; i < f->n_lamps; i++) {
+        ilf_luminaire lamp = f->lamps[i];
+        lamp.error_masks = lamp.error_interpolation = lamp.error_position = lamp.error_radiance = 0;
+        ilf_lamp_to_row(row, &lamp);
+        row_digest(h, row);
+        for (int k = 0; k < lamp.nmasks; k++) {
+            const int64_t n = ilf_mask_samples(&lamp.masks[k]);
+            ilf_mask_to_row(row, &lamp.masks[k]);
+            row_digest(h, row);
+            for (int64_t s = 0; s < n; s++) h[s & 1] = chain(h[s & 1], bits(lamp.masks[k].grid[s]));
+        }
+    }
+}
+
 ilf_status ilf_digest(uint64_t *digest, const ilf *f, ilf_error *err)
 {
     uint64_t h[2] = {0, 0};
@@ -67,6 +91,7 @@ ilf_status ilf_digest(uint64_t *digest, const ilf *f, ilf_error *err)
         probe_digest(h, f, pix);
         ilf_unpeek_probe(f, pix, own);
     }
+    lamps_digest(h, f);
     *digest = finish(h[0] ^ finish(h[1]));
     return ILF_OK;
 }

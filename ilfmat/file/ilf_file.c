@@ -1,9 +1,9 @@
 /*
  * ilf_file.c - open and validate an incident light field file (docs/FORMAT.md, sections 1 and 4).
  *
- * Only the header and the table of tile offsets are read.  The table is checked against the
+ * Only the header, the table of tile offsets, and the lamps of a file of version 2 are read.  The table is checked against the
  * file's length, so that a truncated file is refused at once and not in the middle of a
- * picture.  Further parts: ilf_layout.c.
+ * picture.  Further parts: ilf_layout.c, ilf_lampread.c.
  */
 #include <errno.h>
 #include <fcntl.h>
@@ -15,7 +15,7 @@
 #include "exr/exr_bytes.h"
 #include "exr/exr_compression.h"
 #include "exr/exr_tiles.h"
-#include "ilf_internal.h"
+#include "ilf_lampfile.h"
 
 /* ---- OpenEXR's view of the file ----------------------------------------------------------- */
 
@@ -64,8 +64,8 @@ static ilf_status exr_failed(const ilf *f, exr_result_t code, const char *what, 
 
 /* ---- attributes --------------------------------------------------------------------------- */
 
-static ilf_status attribute(const ilf *f, const char *name, exr_attribute_type_t type, const char *type_name,
-                            int optional, const exr_attribute_t **attr, ilf_error *err)
+ilf_status ilf_attribute(const ilf *f, const char *name, exr_attribute_type_t type, const char *type_name,
+                         int optional, const exr_attribute_t **attr, ilf_error *err)
 {
     *attr = NULL;
     if (exr_get_attribute_by_name(f->exr, 0, name, attr) != EXR_ERR_SUCCESS || !*attr) {
@@ -83,7 +83,7 @@ static ilf_status attribute(const ilf *f, const char *name, exr_attribute_type_t
 static ilf_status vector_attribute(const ilf *f, const char *name, float v[3], ilf_error *err)
 {
     const exr_attribute_t *a;
-    const ilf_status st = attribute(f, name, EXR_ATTR_V3F, "v3f", 0, &a, err);
+    const ilf_status st = ilf_attribute(f, name, EXR_ATTR_V3F, "v3f", 0, &a, err);
 
     if (st != ILF_OK) return st;
     v[0] = a->v3f->x, v[1] = a->v3f->y, v[2] = a->v3f->z;
@@ -95,16 +95,17 @@ static ilf_status read_attributes(ilf *f, ilf_error *err)
     const exr_attribute_t *a;
     ilf_status st;
 
-    if ((st = attribute(f, "ilf:version", EXR_ATTR_INT, "int", 0, &a, err)) != ILF_OK) return st;
-    if (a->i != ILF_FILE_VERSION)
-        return ilf_fail(err, ILF_ERR_FORMAT, "%s: ilf:version: expected %d, found %d", f->path,
-                        ILF_FILE_VERSION, a->i);
+    if ((st = ilf_attribute(f, "ilf:version", EXR_ATTR_INT, "int", 0, &a, err)) != ILF_OK) return st;
+    if (a->i != ILF_FILE_VERSION && a->i != ILF_FILE_VERSION_LAMPS)
+        return ilf_fail(err, ILF_ERR_FORMAT, "%s: ilf:version: expected %d or %d, found %d", f->path,
+                        ILF_FILE_VERSION, ILF_FILE_VERSION_LAMPS, a->i);
+    f->info.version = a->i;
     if ((st = vector_attribute(f, "ilf:origin", f->info.origin, err)) != ILF_OK) return st;
     if ((st = vector_attribute(f, "ilf:U", f->info.U, err)) != ILF_OK) return st;
     if ((st = vector_attribute(f, "ilf:V", f->info.V, err)) != ILF_OK) return st;
-    if ((st = attribute(f, "ilf:polarMax", EXR_ATTR_FLOAT, "float", 0, &a, err)) != ILF_OK) return st;
+    if ((st = ilf_attribute(f, "ilf:polarMax", EXR_ATTR_FLOAT, "float", 0, &a, err)) != ILF_OK) return st;
     f->info.polar_max = f->info.polar_valid = (double)a->f;
-    if ((st = attribute(f, "ilf:polarValid", EXR_ATTR_FLOAT, "float", 1, &a, err)) != ILF_OK) return st;
+    if ((st = ilf_attribute(f, "ilf:polarValid", EXR_ATTR_FLOAT, "float", 1, &a, err)) != ILF_OK) return st;
     if (a) f->info.polar_valid = (double)a->f;
     if ((st = ilf_check_polar(f->info.polar_max, f->info.polar_valid, f->path, err)) != ILF_OK) return st;
     f->info.polar_valid = fmin(f->info.polar_valid, f->info.polar_max);
@@ -256,6 +257,7 @@ void ilf_close(ilf *f)
         free(f->probes);
     }
     free(f->pix);
+    ilf_free_lamps(f->lamps, f->n_lamps);
     pthread_mutex_destroy(&f->lock);
     if (f->exr) exr_finish(&f->exr);
     if (f->map) munmap((void *)(uintptr_t)f->map, (size_t)f->info.file_bytes);
@@ -327,7 +329,9 @@ ilf_status ilf_open(ilf **field, const char *path, ilf_error *err)
     pthread_mutex_init(&f->lock, NULL);
     if ((st = open_file(f, err)) != ILF_OK || (st = read_layout(f, err)) != ILF_OK ||
         (st = read_channels(f, err)) != ILF_OK || (st = read_attributes(f, err)) != ILF_OK ||
-        (st = check_tiles(f, err)) != ILF_OK || (st = make_probes(f, err)) != ILF_OK) {
+        (st = check_tiles(f, err)) != ILF_OK ||
+        (f->info.version == ILF_FILE_VERSION_LAMPS && (st = ilf_read_lamps(f, err)) != ILF_OK) ||
+        (st = make_probes(f, err)) != ILF_OK) {
         ilf_close(f);
         return st;
     }

@@ -1,5 +1,5 @@
 /*
- * ilf_write.c - write an incident light field file, version 1 (docs/FORMAT.md, section 1).
+ * ilf_write.c - write an incident light field file (docs/FORMAT.md, section 1).
  */
 #include <errno.h>
 #include <fcntl.h>
@@ -11,7 +11,7 @@
 #include "exr/exr_half.h"
 #include "exr/exr_tiles.h"
 #include "exr/exr_whole.h"
-#include "ilf_internal.h"
+#include "ilf_lampfile.h"
 
 struct ilf_writer {
     exr_context_t exr;
@@ -77,6 +77,7 @@ static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compressio
     for (int c = 0; c < 3 && st == ILF_OK; c++)
         if (!isfinite((float)s->origin[c]) || !isfinite((float)s->U[c]) || !isfinite((float)s->V[c]))
             st = ilf_fail(err, ILF_ERR_ARG, "%s: plane: expected numbers within float's range", path);
+    if (st == ILF_OK) st = ilf_check_lamps(s->lamps, s->n_lamps, (int64_t)s->n_u * s->n_v, path, err);
     return st;
 }
 
@@ -127,7 +128,7 @@ static exr_result_t write_header(ilf_writer *w, exr_compression_t compression)
     TRY(exr_add_channel(x, 0, "B", type, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1));
     TRY(exr_add_channel(x, 0, "G", type, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1));
     TRY(exr_add_channel(x, 0, "R", type, EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1));
-    TRY(exr_attr_set_int(x, 0, "ilf:version", ILF_FILE_VERSION));
+    TRY(exr_attr_set_int(x, 0, "ilf:version", s->n_lamps ? ILF_FILE_VERSION_LAMPS : ILF_FILE_VERSION));
     TRY(set_vector(x, "ilf:origin", s->origin));
     TRY(set_vector(x, "ilf:U", s->U));
     TRY(set_vector(x, "ilf:V", s->V));
@@ -138,6 +139,7 @@ static exr_result_t write_header(ilf_writer *w, exr_compression_t compression)
     if (s->owner) TRY(exr_attr_set_string(x, 0, "owner", s->owner));
     if (s->cap_date) TRY(exr_attr_set_string(x, 0, "capDate", s->cap_date));
     if (s->interleave) TRY(add_interleaved(x, s, &window));
+    if (s->n_lamps) TRY(ilf_declare_lamps(x, s, &window));
     return exr_write_header(x);
 }
 #undef TRY
@@ -300,8 +302,12 @@ ilf_status ilf_writer_close(ilf_writer *w, ilf_error *err)
                       (long long)w->spec.n_u * w->spec.n_v, (long long)w->next);
     else {
         at_work = w;
+        exr_result_t r = EXR_ERR_SUCCESS;
         if (w->spec.interleave) st = write_interleaved(w, err);
-        const exr_result_t r = exr_finish(&w->exr);
+        if (st == ILF_OK && w->spec.n_lamps)
+            r = ilf_write_lamps(w->exr, &w->spec, w->spec.interleave ? 2 : 1);
+        if (r != EXR_ERR_SUCCESS) st = failed(w, r, err);
+        r = exr_finish(&w->exr);
         w->exr = NULL;
         if (st == ILF_OK && r != EXR_ERR_SUCCESS) st = failed(w, r, err);
     }

@@ -133,7 +133,7 @@ static void print_header(const char *path, const ilf *field)
     const ilf_frame *f = ilf_get_frame(field);
 
     printf("file          %s\n", path);
-    printf("format        incident light field, version %d\n", ILF_FILE_VERSION);
+    printf("format        incident light field, version %d\n", in->version);
     printf("grid          %d x %d probes (u x v)\n", in->n_u, in->n_v);
     printf("probe         %d x %d texels (theta x phi), %s, compression %s\n", in->n_theta, in->n_phi,
            in->type == ILF_HALF ? "half" : "float", in->compression);

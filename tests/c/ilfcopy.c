@@ -1,16 +1,19 @@
 /*
- * ilfcopy.c - test driver: a light field written anew.  ilfcopy IN OUT [--compression NAME] [--interleave]
+ * ilfcopy.c - test driver: a light field written anew.  ilfcopy IN OUT [--compression NAME] [--type NAME]
+ * [--interleave]
  */
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/cli.h"
 #include "ilf.h"
 
-static const char *compression = "none";
+static const char *compression = "none", *type;
 static int interleave;
 static const cli_opt opts[] = {
     {"compression", 'c', CLI_STRING, &compression, NULL, "NAME", "as ilfpack's"},
+    {"type", 't', CLI_STRING, &type, NULL, "half|float", "as ilfpack's; default: the input's"},
     {"interleave", 0, CLI_FLAG, &interleave, NULL, NULL, "as ilfpack's"},
     {0},
 };
@@ -32,7 +35,9 @@ int main(int argc, char **argv)
                   .n_phi = in->n_phi,
                   .polar_max = in->polar_max,
                   .polar_valid = in->polar_valid,
-                  .type = in->type,
+                  .type = !type                       ? in->type
+                          : strcmp(type, "half") == 0 ? ILF_HALF
+                                                      : ILF_FLOAT,
                   .compression = compression,
                   .interleave = interleave};
     for (int c = 0; c < 3; c++) {
@@ -40,6 +45,7 @@ int main(int argc, char **argv)
         s.U[c] = (double)in->U[c];
         s.V[c] = (double)in->V[c];
     }
+    s.lamps = ilf_get_luminaires(&s.n_lamps, field);
     float *rgb = malloc((size_t)in->n_theta * (size_t)in->n_phi * 3 * sizeof *rgb);
     if (!rgb) cli_fail(CLI_FAILED, "no memory");
     if (ilf_writer_open(&w, argv[2], &s, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);

@@ -52,7 +52,7 @@ WRONG_TYPE = {
 }
 WRONG_VALUE = {
     "version 0": ("ilf:version", struct.pack("<i", 0)),
-    "version 2": ("ilf:version", struct.pack("<i", 2)),
+    "version 3": ("ilf:version", struct.pack("<i", 3)),
     "origin NaN": ("ilf:origin", v3(0, NAN, 0)),
     "origin inf": ("ilf:origin", v3(0, 0, INF)),
     "U NaN": ("ilf:U", v3(NAN, 0, 0)),
