@@ -127,7 +127,7 @@ def test_lamps_are_taken_out_where_the_session_asks_for_it(capture):
     assert (out / "room.lamps.ilf.programs").read_text().startswith("ilflamps ")
     stamp = lit.stat().st_mtime_ns
     assert capture() == [] and lit.stat().st_mtime_ns == stamp
-    edit(session, "--type float", "--type half")
+    edit(session, "keep --type float", "keep --type half")
     assert capture() == [] and lit.stat().st_mtime_ns != stamp
     stamp = lit.stat().st_mtime_ns
     another_build(capture.folder / "build/bin/ilflamps")
