@@ -182,7 +182,7 @@ def contents(path):
 
 def full(rng, half=False):
     m = masks_of(rng)
-    f = lit(rng, lamps_of(rng, [m["layer"], m["gate"]]) * 3, half=half)
+    f = lit(rng, lamps_of(rng, [m["layer-logistic"], m["gate"]]) * 3, half=half)
     for k, l in enumerate(f.lamps):
         l.seen = rng.uniform(-1, 2, (2, 3)) if k != 5 else None
     f.lamps[0].masks = [m[k] for k in ("stack", "ball", "foot")]
