@@ -57,6 +57,9 @@
 #define MOST_LAMP_CANDIDATES  64
 #define LEAST_LAMP_CANDIDATES 4
 
+/* Below this share of a point's light a lamp is traced now and then only, when its turn comes. */
+#define SMALL_SHARE (1.0 / 256)
+
 /* Points in a cube before a lamp's weights count as known. */
 #define BELIEVED_POINTS 16
 
@@ -94,7 +97,6 @@ typedef struct lighting {
     int candidates, rays; /* to draw from the slice, to trace */
     int n;                /* candidates that count */
     double sum, sum2;     /* of the slice's weights, and of the weights' squares */
-    double passed, next;  /* while rays are chosen: along the weights */
 } lighting;
 
 /* ---- memory ----------------------------------------------------------------------------------- */
@@ -412,39 +414,47 @@ static ilf_status draw_candidates(lighting *l, ilf_error *err)
 
 /* ---- rays ------------------------------------------------------------------------------------- */
 
-/* How many times a candidate is chosen: by weight, in steps along the map. */
-static int times_chosen(lighting *l, double chance, double step)
-{
-    int times = 0;
-
-    l->passed += chance;
-    for (; l->next < l->passed; l->next += step) times++;
-    return times;
-}
-
-static void trace_chosen(lighting *l)
+/* Choose of candidates [first, end), all of one stratum, by weight, in steps along it, and trace.  chance is
+ * that of the stratum to be traced at all. */
+static void trace_chosen(const lighting *l, int first, int end, double sum, int rays, double start,
+                         double chance)
 {
     const ilf_host *h = l->host;
-    const double draws = l->candidates > 0 ? l->candidates : 1;
-    double all = 0, chance = 0;
+    const double step = sum / rays, draws = l->candidates > 0 ? l->candidates : 1;
+    double next = step * start, passed = 0;
 
-    for (int k = 0; k < l->n; k++) {
-        const candidate *c = &l->mem->c[k];
-        all += c->weight;
-        chance += c->weight * c->keep;
-    }
-    const double step = chance / fmax(1, ceil(l->rays * (chance / all)));
-    l->passed = 0;
-    l->next = step * h->random(ILF_CHOICE, h->context);
-    for (int k = 0; k < l->n; k++) {
+    for (int k = first; k < end; k++) {
         candidate *c = &l->mem->c[k];
 
-        c->times = times_chosen(l, c->weight * c->keep, step);
+        c->times = 0;
+        passed += c->weight;
+        for (; next < passed; next += step) c->times++;
         if (!c->times) continue;
         const ilf_aim aim = {c->dir, l->mem->coef + (size_t)k * h->coef_bytes,
-                             c->times * step / (c->keep * draws * c->target)};
+                             c->times * step / (chance * draws * c->target)};
         c->seen = h->shadow(&aim, h->context);
         l->s->work.rays++;
+    }
+}
+
+/* Each stratum gets its share of the rays, and one at least, so that lamps of many colours don't make coloured
+ * noise; but very small shares are traced now and then only. */
+static void trace_strata(const lighting *l)
+{
+    double all = 0;
+
+    for (int k = 0; k < l->n; k++) all += l->mem->c[k].weight;
+    for (int first = 0, end; first < l->n; first = end) {
+        const candidate *c = &l->mem->c[first];
+        double sum = 0, start = l->host->random(ILF_CHOICE, l->host->context);
+
+        for (end = first; end < l->n && l->mem->c[end].past == c->past; end++) sum += l->mem->c[end].weight;
+        const double chance = fmin(1, sum / (SMALL_SHARE * all));
+        if (start >= chance) {
+            for (int k = first; k < end; k++) l->mem->c[k].times = 0;
+            continue;
+        }
+        trace_chosen(l, first, end, sum, (int)ceil(l->rays * c->keep * (sum / all)), start / chance, chance);
     }
 }
 
@@ -473,7 +483,7 @@ static ilf_status light_straight(lighting *l, ilf_error *err)
     const ilf_status st = draw_candidates(l, err);
     if (st == ILF_OK && l->n) {
         l->s->busy++;
-        trace_chosen(l);
+        trace_strata(l);
         l->s->busy--;
         if (!l->at->apart) remember(l);
     }
