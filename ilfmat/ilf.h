@@ -111,6 +111,14 @@ const ilf_info *ilf_get_info(const ilf *field);   /* owned by field */
 const ilf_frame *ilf_get_frame(const ilf *field); /* the header's plane; owned by field */
 const char *ilf_get_path(const ilf *field);       /* as given to ilf_open */
 
+/* What else the header says of the file, for those who hand it on. */
+typedef struct ilf_notes {
+    const char *comments, *owner, *cap_date; /* or NULL; owned by the field */
+    double white_luminance;                  /* cd/m^2 of RGB (1,1,1); 0: not stated */
+} ilf_notes;
+
+void ilf_get_notes(ilf_notes *notes, const ilf *field);
+
 /* The lamps that were taken out of the field (a file of version 2), in its own coordinates (ilf_luminaire.h);
  * *n of them.  The texels hold what is left.  NULL and 0 where none were.  Owned by field. */
 const ilf_luminaire *ilf_get_luminaires(int *n, const ilf *field);

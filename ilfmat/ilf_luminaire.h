@@ -67,7 +67,7 @@ typedef struct ilf_luminaire {
     double centre[3];
     double a[3], b[3];
     double radius;
-    float rgb[3]; /* radiance */
+    float rgb[3]; /* radiance; all 0: put out, rays pass as if it were not there */
     int nmasks;
     ilf_mask *masks; /* nmasks; owned by whoever made the luminaire */
     /* How sure: relative errors, root mean square, of probes left out while the masks were fitted, and of
@@ -91,6 +91,9 @@ double ilf_luminaire_cone(const ilf_luminaire *lamp, const double o[3]);
 /* Solid angle of the lamp as seen from o, horizon ignored: exact for sphere and rectangle, to about 1e-4 of
  * itself for discs and tubes. */
 double ilf_luminaire_omega(const ilf_luminaire *lamp, const double o[3]);
+
+/* Area of the lamp's surface, of flat ones one side's. */
+double ilf_luminaire_surface(const ilf_luminaire *lamp);
 
 /* A direction from o towards the lamp for (s, t) in [0, 1)^2, and its density per steradian; 0 if there is
  * none. Uniform in solid angle for spheres and rectangles (Urena, Fajardo, King 2013), uniform in area for

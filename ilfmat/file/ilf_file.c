@@ -351,6 +351,26 @@ const ilf_luminaire *ilf_get_luminaires(int *n, const ilf *f)
     return f->lamps;
 }
 
+static const char *text_of(const ilf *f, const char *name)
+{
+    const exr_attribute_t *a;
+
+    return ilf_attribute(f, name, EXR_ATTR_STRING, "string", 1, &a, NULL) == ILF_OK && a ? a->string->str
+                                                                                         : NULL;
+}
+
+void ilf_get_notes(ilf_notes *notes, const ilf *f)
+{
+    const exr_attribute_t *a;
+    const int stated = ilf_attribute(f, "whiteLuminance", EXR_ATTR_FLOAT, "float", 1, &a, NULL) == ILF_OK &&
+                       a && isfinite(a->f) && a->f > 0;
+
+    notes->comments = text_of(f, "comments");
+    notes->owner = text_of(f, "owner");
+    notes->cap_date = text_of(f, "capDate");
+    notes->white_luminance = stated ? (double)a->f : 0;
+}
+
 const ilf_frame *ilf_get_frame(const ilf *f)
 {
     return &f->frame;

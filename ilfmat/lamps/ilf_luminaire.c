@@ -153,6 +153,15 @@ double ilf_luminaire_omega(const ilf_luminaire *l, const double o[3])
     return far > l->radius ? 2 * pi * x * x / (1 + sqrt(1 - x * x)) : 4 * pi;
 }
 
+double ilf_luminaire_surface(const ilf_luminaire *l)
+{
+    const double a = sqrt(dot(l->a, l->a)), b = sqrt(dot(l->b, l->b)), r = l->radius;
+
+    if (l->shape == ILF_SPHERE) return 4 * pi * r * r;
+    if (l->shape == ILF_TUBE) return 2 * pi * r * 2 * a + 4 * pi * r * r;
+    return l->shape == ILF_DISC ? pi * a * b : 4 * a * b;
+}
+
 /* Two unit vectors at right angles to n. */
 static void basis(double x[3], double y[3], const double n[3])
 {

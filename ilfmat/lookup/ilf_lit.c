@@ -30,6 +30,12 @@ void ilf_lamp_point(double p[3], const ilf *f, const ilf_frame *fr, const double
     to_lamps(p, f, fr, rel);
 }
 
+/* A lamp that was put out is not there. */
+static int is_out(const ilf_luminaire *l)
+{
+    return l->rgb[0] == 0 && l->rgb[1] == 0 && l->rgb[2] == 0;
+}
+
 int ilf_nearest_lamp(const ilf *f, const double o[3], const double d[3], double reach)
 {
     int nearest = -1;
@@ -39,7 +45,8 @@ int ilf_nearest_lamp(const ilf *f, const double o[3], const double d[3], double 
     for (int k = 0; k < f->n_lamps; k++) {
         const ilf_luminaire *l = &f->lamps[k];
 
-        if (!ilf_luminaire_hit(&t, l, o, d) || t >= best || (!l->far && t > (1 + FLUSH) * reach)) continue;
+        if (!ilf_luminaire_hit(&t, l, o, d) || t >= best || is_out(l) || (!l->far && t > (1 + FLUSH) * reach))
+            continue;
         best = t;
         nearest = k;
     }

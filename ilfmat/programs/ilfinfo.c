@@ -10,6 +10,7 @@
 #include "field_guard.h"
 #include "ilf.h"
 #include "image/image.h"
+#include "lamp_words.h"
 
 #define PI 3.14159265358979323846
 
@@ -28,7 +29,9 @@ static const cli_opt options[] = {
 
 static const cli_prog prog = {
     "ilfinfo", "FILE", "Describe an incident light field.", options,
-    "Radiance is in W/sr/m^2; luminance is 179 (0.265 R + 0.670 G + 0.065 B) cd/m^2.\n"};
+    "Radiance is in W/sr/m^2; luminance is 179 (0.265 R + 0.670 G + 0.065 B) cd/m^2.\n"
+    "Of a file of version 2 the lamps come after the header, and the values are what is left in the "
+    "probes.\n"};
 
 /* Radiance's luminance of a colour, without the 179 lm/W. */
 static double bright(const float *c)
@@ -150,6 +153,7 @@ static void print_header(const char *path, const ilf *field)
                                  : strcmp(in->compression, "none") ? "when decoded"
                                                                    : "no");
     printf("file size     %.1f MB\n", (double)in->file_bytes * 1e-6);
+    print_lamps(field);
 }
 
 static void print_values(const range *r, const ilf *field)

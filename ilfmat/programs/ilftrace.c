@@ -59,6 +59,7 @@ static void set_frame(ilf_frame *frame, const ilf *field)
     else cli_fail(CLI_USAGE, "--plane: expected 9 or 12 numbers, found \"%s\"", plane);
     if (ilf_frame_init(frame, v, v + 3, v + 6, n == 12 ? v + 9 : NULL, &err) != ILF_OK)
         cli_fail(CLI_USAGE, "--plane: %s", err.text);
+    if (ilf_check_frame(field, frame, &err) != ILF_OK) cli_fail(CLI_USAGE, "--plane: %s", err.text);
 }
 
 int main(int argc, char **argv)

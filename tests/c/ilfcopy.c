@@ -45,6 +45,10 @@ int main(int argc, char **argv)
         s.U[c] = (double)in->U[c];
         s.V[c] = (double)in->V[c];
     }
+    ilf_notes notes;
+    ilf_get_notes(&notes, field);
+    s.comments = notes.comments, s.owner = notes.owner, s.cap_date = notes.cap_date;
+    s.white_luminance = notes.white_luminance;
     s.lamps = ilf_get_luminaires(&s.n_lamps, field);
     float *rgb = malloc((size_t)in->n_theta * (size_t)in->n_phi * 3 * sizeof *rgb);
     if (!rgb) cli_fail(CLI_FAILED, "no memory");

@@ -104,16 +104,7 @@ static int all_probes(ilf_writer *w, const ilf *residual, const analysis *a, int
 
 int compose_write(const char *path, const analysis *a, int nu, int nv, const char *comments, errmsg *e)
 {
-    const ilf_info *in = &a->f.info;
-    ilf_spec spec = {.n_u = nu,
-                     .n_v = nv,
-                     .n_theta = a->f.nt,
-                     .n_phi = a->f.np,
-                     .polar_max = a->f.polar_max,
-                     .type = ILF_FLOAT,
-                     .compression = "zip",
-                     .comments = comments,
-                     .name = path};
+    ilf_spec spec = lf_spec(&a->f);
     outfile *o = NULL, *temporary = NULL;
     ilf *residual = NULL;
     ilf_writer *w = NULL;
@@ -121,9 +112,7 @@ int compose_write(const char *path, const analysis *a, int nu, int nv, const cha
     int bad = out_begin(&o, path, e) || out_begin(&temporary, "-", e) ||
               lf_write(&a->f, out_path(temporary), NULL, e);
 
-    for (int k = 0; k < 3; k++)
-        spec.origin[k] = (double)in->origin[k], spec.U[k] = (double)in->U[k], spec.V[k] = (double)in->V[k];
-    if (in->polar_valid < a->f.polar_max) spec.polar_valid = in->polar_valid;
+    spec.n_u = nu, spec.n_v = nv, spec.comments = comments, spec.name = path;
     if (!bad && (ilf_open(&residual, out_path(temporary), &err) != ILF_OK ||
                  ilf_writer_open(&w, out_path(o), &spec, &err) != ILF_OK))
         bad = err_set(e, "%s", err.text);

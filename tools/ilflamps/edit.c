@@ -25,6 +25,7 @@ int edit_lamp(analysis *a, const char *edit, errmsg *e)
     const char *what = end + 1;
     if (!strncmp(what, "gain=", 5)) {
         if (cli_parse_double(v, what + 5, &words)) return err_set(e, "--set %s: %s", edit, words.text);
+        if (v[0] < 0) return err_set(e, "--set %s: expected a number from 0, found %g", edit, v[0]);
         for (int c = 0; c < 3; c++) rgb[c] *= (float)v[0];
     } else if (!strncmp(what, "rgb=", 4)) {
         if (cli_parse_doubles(v, 3, what + 4, ",", &words))
@@ -32,5 +33,6 @@ int edit_lamp(analysis *a, const char *edit, errmsg *e)
         for (int c = 0; c < 3; c++) rgb[c] = (float)v[c];
     } else if (!strcmp(what, "off")) memset(rgb, 0, 3 * sizeof *rgb);
     else return err_set(e, "--set: expected K.gain=X, K.rgb=R,G,B or K.off, found \"%s\"", edit);
+    a->lamps[k - 1].l.s.radiance = ilf_luminance(rgb);
     return 0;
 }

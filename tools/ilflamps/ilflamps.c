@@ -8,15 +8,20 @@
 #include "base/cli.h"
 #include "compose.h"
 #include "edit.h"
+#include "output.h"
 #include "picture.h"
 #include "raysfile.h"
 #include "report.h"
+#include "taken.h"
 
-enum { MOST_LAMPS = 64, MOST_EDITS = 256 };
+enum { MOST_LAMPS = 64, MOST_EDITS = 256, MAX_WIDTH = 15 };
 
-static const char *report, *rays, *radiance, *lamps, *geometry, *composed, *picture, *edits[MOST_EDITS];
+static const char *report, *rays, *radiance, *lamps, *geometry, *composed, *picture, *target,
+    *edits[MOST_EDITS];
+static storage stored = {.compression = "none"};
 static int n_edits, grid_u, grid_v;
-static double max_width = 15;
+#define NOT_GIVEN (-1e9)
+static double max_width = NOT_GIVEN;
 
 static int one_edit(const char *value, void *arg, errmsg *e)
 {
@@ -33,12 +38,21 @@ static int grid(const char *value, void *arg, errmsg *e)
 }
 
 static const cli_opt options[] = {
+    {"output", 'o', CLI_STRING, &target, NULL, "OUT.ilf.exr",
+     "write the light field, version 2: lamps, what hides them, and what is left in the probes"},
+    {"type", 't', CLI_STRING, &stored.type, NULL, "half|float",
+     "texels of OUT (default half where it holds them all, else float)"},
+    {"compression", 'c', CLI_STRING, &stored.compression, NULL, "NAME",
+     "of OUT's probes: none rle zips zip piz pxr24 b44 b44a (default none: renderers then share\nthe file's "
+     "own bytes)"},
+    {"interleave", 0, CLI_FLAG, &stored.interleave, NULL, NULL,
+     "OUT holds the texels a second time, in the order that lookups like best"},
     {"compose", 0, CLI_STRING, &composed, NULL, "OUT.ilf.exr",
      "write lamps and what is left as a light field of version 1: lamps as texels, behind what hides them"},
     {"grid", 0, CLI_CALL, NULL, grid, "NxM",
      "probes that --compose writes (default: as many as the input has)"},
     {"set", 0, CLI_CALL, NULL, one_edit, "K.PROPERTY[=VALUE]",
-     "change lamp K of the report: K.gain=X, K.rgb=R,G,B (radiance) or K.off; may be repeated"},
+     "change lamp K of the report, and of OUT: K.gain=X, K.rgb=R,G,B (radiance) or K.off; may be repeated"},
     {"picture", 0, CLI_STRING, &picture, NULL, "FILE.png",
      "draw the plane with each lamp's light on it, measured and modelled, and a side view"},
     {"geometry", 0, CLI_STRING, &geometry, NULL, "FILE.oct",
@@ -57,7 +71,8 @@ static const cli_opt options[] = {
 
 static const cli_prog prog = {"ilflamps", "IN.ilf.exr",
                               "Find the lamps of an incident light field and what hides them.", options,
-                              NULL};
+                              "IN may be of version 2, too: then its lamps are as they are, to be changed "
+                              "(--set), composed, shown.\n"};
 
 static int how_many(void)
 {
@@ -72,29 +87,89 @@ static int how_many(void)
     return (int)n;
 }
 
-int main(int argc, char **argv)
+static void check_usage(int operands)
 {
-    const int n = cli_parse(&prog, argc, argv);
-    plan p = {.most = how_many(), .max_width = max_width / 57.29577951308232, .octree = geometry};
-    analysis a;
-    errmsg e;
-
-    if (n != 1) cli_fail(CLI_USAGE, "expected one light field, found %d", n);
+    if (operands != 1) cli_fail(CLI_USAGE, "expected one light field, found %d", operands);
     if (!rays != !radiance) cli_fail(CLI_USAGE, "--rays and --radiance go together");
     if (grid_u && !composed)
         cli_fail(CLI_USAGE, "--grid says how many probes --compose writes: expected --compose, too");
-    if (max_width <= 0) cli_fail(CLI_USAGE, "--max-width: expected more than 0 degrees, found %g", max_width);
-    if (!report && !rays && !composed && !picture)
-        cli_fail(CLI_USAGE, "nothing to write: expected --compose, --report, --picture or --radiance");
-    if (analyse(&a, argv[1], &p, &e)) cli_fail(CLI_FAILED, "%s", e.text);
+    if (max_width <= 0 && max_width > NOT_GIVEN)
+        cli_fail(CLI_USAGE, "--max-width: expected more than 0 degrees, found %g", max_width);
+    if (!target && !report && !rays && !composed && !picture)
+        cli_fail(CLI_USAGE, "nothing to write: expected -o, --compose, --report, --picture or --radiance");
+    if (!target && (stored.type || stored.interleave || strcmp(stored.compression, "none") != 0))
+        cli_fail(CLI_USAGE, "--type, --compression and --interleave are OUT's: expected -o, too");
+}
+
+static int version_of(const char *path)
+{
+    ilf_error err;
+    ilf *file;
+
+    if (ilf_open(&file, path, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
+    const int version = ilf_get_info(file)->version;
+    ilf_close(file);
+    return version;
+}
+
+/* Lamps and what is left of the input: found, or as somebody found them before. */
+static void get_lamps(analysis *a, const char *path)
+{
+    const plan p = {.most = how_many(),
+                    .max_width = (max_width > 0 ? max_width : MAX_WIDTH) / 57.29577951308232,
+                    .octree = geometry};
+    errmsg e;
+    int bad;
+
+    if (version_of(path) == ILF_FILE_VERSION) bad = analyse(a, path, &p, &e);
+    else {
+        if (lamps || max_width > 0)
+            cli_fail(CLI_USAGE,
+                     "%s: expected a light field of version 1 for --lamps and --max-width, found lamps that "
+                     "were taken out before",
+                     path);
+        if (rays)
+            cli_fail(CLI_USAGE,
+                     "%s: expected a light field of version 1 for --rays, which compares it with its lamps "
+                     "taken out, found version 2",
+                     path);
+        bad = taken_read(a, path, &e);
+        /* probes between the old ones see what is left where it is */
+        if (!bad && grid_u)
+            bad = geometry ? surroundings_from(&a->around, geometry, &a->f, &e)
+                           : surroundings_guess(&a->around, &a->f, &e);
+    }
+    if (bad) cli_fail(CLI_FAILED, "%s", e.text);
+    taken_first(a);
+}
+
+static void write_all(const analysis *a, const char *input, const char *line)
+{
+    errmsg e;
+    int n = 0;
+
+    if ((report && report_write(report, input, a, &e)) || (picture && picture_write(picture, a, &e)) ||
+        (rays && rays_evaluate(radiance, rays, input, a, &e)) ||
+        (composed &&
+         compose_write(composed, a, grid_u ? grid_u : a->f.nu, grid_v ? grid_v : a->f.nv, line, &e)) ||
+        (target && output_write(target, input, a, &stored, line, &n, &e)))
+        cli_fail(CLI_FAILED, "%s", e.text);
+    if (target && n == 0) cli_note("no lamp was taken out: %s is of version 1", target);
+}
+
+int main(int argc, char **argv)
+{
+    char *line = cli_command_line(&prog, argc, argv);
+    const int n = cli_parse(&prog, argc, argv);
+    analysis a;
+    errmsg e;
+
+    check_usage(n);
+    if (target && storage_check(&stored, &e)) cli_fail(CLI_USAGE, "%s", e.text);
+    get_lamps(&a, argv[1]);
     for (int k = 0; k < n_edits; k++)
         if (edit_lamp(&a, edits[k], &e)) cli_fail(CLI_USAGE, "%s", e.text);
-    char *line = cli_command_line(&prog, argc, argv);
-    if ((report && report_write(report, argv[1], &a, &e)) || (picture && picture_write(picture, &a, &e)) ||
-        (rays && rays_evaluate(radiance, rays, argv[1], &a, &e)) ||
-        (composed &&
-         compose_write(composed, &a, grid_u ? grid_u : a.f.nu, grid_v ? grid_v : a.f.nv, line, &e)))
-        cli_fail(CLI_FAILED, "%s", e.text);
+    write_all(&a, argv[1], line);
     free(line);
     analysis_free(&a);
     return cli_end(CLI_OK);

@@ -42,6 +42,12 @@ int lamp_take_out(lamp *l, lightfield *f, double limit, errmsg *e);
 void lamp_put_back(lamp *l, lightfield *f);
 void lamp_free(lamp *l);
 
+/* It was put out (--set K.off): rays pass as if it were not there. */
+static inline int lamp_is_out(const ilf_luminaire *l)
+{
+    return l->rgb[0] == 0 && l->rgb[1] == 0 && l->rgb[2] == 0;
+}
+
 /* Probes are left out in four turns, so that each one's neighbours stay in. */
 static inline int fold_of(const lightfield *f, int probe)
 {

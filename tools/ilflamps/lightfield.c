@@ -58,7 +58,7 @@ void lf_free(lightfield *f)
     memset(f, 0, sizeof *f);
 }
 
-int lf_write(const lightfield *f, const char *path, const char *comments, errmsg *e)
+ilf_spec lf_spec(const lightfield *f)
 {
     ilf_spec spec = {.n_u = f->nu,
                      .n_v = f->nv,
@@ -66,22 +66,35 @@ int lf_write(const lightfield *f, const char *path, const char *comments, errmsg
                      .n_phi = f->np,
                      .polar_max = f->polar_max,
                      .type = ILF_FLOAT,
-                     .compression = "zip",
-                     .comments = comments};
-    ilf_writer *w;
-    ilf_error err;
+                     .compression = "zip"};
 
     for (int k = 0; k < 3; k++)
         spec.origin[k] = (double)f->info.origin[k], spec.U[k] = (double)f->info.U[k],
         spec.V[k] = (double)f->info.V[k];
     if (f->info.polar_valid < f->polar_max) spec.polar_valid = f->info.polar_valid;
-    if (ilf_writer_open(&w, path, &spec, &err) != ILF_OK) return err_set(e, "%s", err.text);
+    return spec;
+}
+
+int lf_write_as(const lightfield *f, const char *path, const ilf_spec *spec, errmsg *e)
+{
+    ilf_writer *w;
+    ilf_error err;
+
+    if (ilf_writer_open(&w, path, spec, &err) != ILF_OK) return err_set(e, "%s", err.text);
     for (int k = 0; k < f->n; k++)
         if (ilf_writer_probe(w, lf_texel(f, k, 0, 0), &err) != ILF_OK) {
             ilf_writer_abort(w);
             return err_set(e, "%s", err.text);
         }
     return ilf_writer_close(w, &err) == ILF_OK ? 0 : err_set(e, "%s", err.text);
+}
+
+int lf_write(const lightfield *f, const char *path, const char *comments, errmsg *e)
+{
+    ilf_spec spec = lf_spec(f);
+
+    spec.comments = comments;
+    return lf_write_as(f, path, &spec, e);
 }
 
 void lf_direction(double d[3], const lightfield *f, double x, double y)

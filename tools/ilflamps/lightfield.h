@@ -25,9 +25,15 @@ typedef struct lightfield {
     ilf_info info;
 } lightfield;
 
-/* Read all of a version-1 field.  *f is the caller's until lf_free. */
+/* Read all of a field's texels.  *f is the caller's until lf_free. */
 int lf_read(lightfield *f, const char *path, errmsg *e);
 void lf_free(lightfield *f);
+
+/* The field's grid and plane as a file to be written: float, zip. */
+ilf_spec lf_spec(const lightfield *f);
+
+/* Write its texels after a spec that has its sizes; path is written in place. */
+int lf_write_as(const lightfield *f, const char *path, const ilf_spec *spec, errmsg *e);
 
 /* Write it as version 1, texels float; path is written in place. */
 int lf_write(const lightfield *f, const char *path, const char *comments, errmsg *e);

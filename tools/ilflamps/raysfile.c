@@ -15,7 +15,8 @@ void rays_add_lamps(float rgb[3], const analysis *a, const double o[3], const do
     double nearest = 1e300, t;
 
     for (int i = 0; i < a->n; i++)
-        if (a->lamps[i].fate == TAKEN && ilf_luminaire_hit(&t, &a->lamps[i].l.s.l, o, d) && t < nearest)
+        if (a->lamps[i].fate == TAKEN && !lamp_is_out(&a->lamps[i].l.s.l) &&
+            ilf_luminaire_hit(&t, &a->lamps[i].l.s.l, o, d) && t < nearest)
             nearest = t, met = &a->lamps[i].l.s.l;
     if (!met) return;
     const double pass = ilf_luminaire_pass(met, o, d), left = 1 - fmin(pass, 1);

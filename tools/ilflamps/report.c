@@ -49,16 +49,6 @@ static double area(const ilf_luminaire *l, const lightfield *f)
     return ilf_luminaire_omega(l, eye) * v_dot(e, e);
 }
 
-/* Luminous flux of a Lambertian body, beam and masks aside: pi L times its surface. */
-static double surface(const ilf_luminaire *l)
-{
-    const double pi = 3.14159265358979323846, a = v_len(l->a), b = v_len(l->b);
-
-    if (l->shape == ILF_SPHERE) return 4 * pi * l->radius * l->radius;
-    if (l->shape == ILF_TUBE) return 2 * pi * l->radius * 2 * a + 4 * pi * l->radius * l->radius;
-    return l->shape == ILF_DISC ? pi * a * b : 4 * a * b;
-}
-
 static void masks(FILE *o, const ilf_luminaire *l, const ilf_frame *fr)
 {
     fprintf(o, "\"masks\": [");
@@ -96,10 +86,11 @@ static void one_lamp(FILE *o, const found *it, const lightfield *f)
         if (l->shape == ILF_RECTANGLE || l->shape == ILF_DISC) place(o, "b", &f->frame, l->b, 0);
         const double rgb[3] = {(double)l->rgb[0], (double)l->rgb[1], (double)l->rgb[2]};
         triple(o, "radiance", rgb);
-        fprintf(o, "\"radiance_error\": %.3g, \"width_deg\": %.4g, \"shape_misfit\": %.3g, ",
-                it->l.s.sigma_radiance, it->l.width * 57.29577951308232, it->l.s.misfit);
+        fprintf(o, "\"radiance_error\": %.3g, \"width_deg\": %.4g, ", it->l.s.sigma_radiance,
+                it->l.width * 57.29577951308232);
+        if (f->info.version == ILF_FILE_VERSION) fprintf(o, "\"shape_misfit\": %.3g, ", it->l.s.misfit);
         fprintf(o, "\"candela\": %.4g, \"lumen\": %.4g, ", lum * area(l, f),
-                3.14159265358979 * lum * surface(l));
+                3.14159265358979 * lum * ilf_luminaire_surface(l));
     }
     if (it->fate == TAKEN || it->fate == UNEXPLAINED) {
         fprintf(o, "\"model\": ");
@@ -122,10 +113,11 @@ int report_write(const char *path, const char *input, const analysis *a, errmsg 
     FILE *o = out_stream(out);
     fprintf(o, "{\n  \"input\": ");
     text(o, input);
-    fprintf(o,
-            ",\n  \"probes\": [%d, %d], \"texels\": [%d, %d], \"spots\": %d, \"stray_spots\": %d, \"cpu_s\": "
-            "%.2f,\n  \"lamps\": [\n",
-            a->f.nu, a->f.nv, a->f.nt, a->f.np, a->spots, a->stray, a->cpu_s);
+    fprintf(o, ",\n  \"version\": %d, \"probes\": [%d, %d], \"texels\": [%d, %d],", a->f.info.version,
+            a->f.nu, a->f.nv, a->f.nt, a->f.np);
+    if (a->f.info.version == ILF_FILE_VERSION)
+        fprintf(o, " \"spots\": %d, \"stray_spots\": %d, \"cpu_s\": %.2f,", a->spots, a->stray, a->cpu_s);
+    fprintf(o, "\n  \"lamps\": [\n");
     for (int i = 0; i < a->n; i++) {
         one_lamp(o, &a->lamps[i], &a->f);
         fprintf(o, i + 1 < a->n ? ",\n" : "\n");

@@ -1,0 +1,101 @@
+/*
+ * output.c - the light field with its lamps taken out, as a file of version 2.
+ */
+#include "output.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/outfile.h"
+#include "taken.h"
+
+static const float MOST_HALF = 65504.f;
+
+static int fits_half(const lightfield *f)
+{
+    const size_t n = (size_t)f->n * (size_t)f->np * (size_t)f->nt * 3;
+
+    for (size_t k = 0; k < n; k++)
+        if (fabsf(f->rgb[k]) > MOST_HALF) return 0;
+    return 1;
+}
+
+static ilf_spec spec_of(const storage *s, const lightfield *f)
+{
+    ilf_spec spec = lf_spec(f);
+
+    spec.type = s->type ? (strcmp(s->type, "half") == 0 ? ILF_HALF : ILF_FLOAT)
+                        : (fits_half(f) ? ILF_HALF : ILF_FLOAT);
+    spec.compression = s->compression, spec.interleave = s->interleave;
+    return spec;
+}
+
+int storage_check(const storage *s, errmsg *e)
+{
+    /* any grid will do */
+    const ilf_spec spec = {.n_u = 1,
+                           .n_v = 1,
+                           .n_theta = 8,
+                           .n_phi = 4,
+                           .U = {1, 0, 0},
+                           .V = {0, 1, 0},
+                           .polar_max = 1,
+                           .compression = s->compression,
+                           .interleave = s->interleave,
+                           .name = "-o"};
+    ilf_error err;
+
+    if (s->type && strcmp(s->type, "half") != 0 && strcmp(s->type, "float") != 0)
+        return err_set(e, "--type: expected half or float, found %s", s->type);
+    return ilf_spec_check(&spec, &err) == ILF_OK ? 0 : err_set(e, "%s", err.text);
+}
+
+/* What was said of the input, and this command line below it; NULL without memory. */
+static char *history(const char *before, const char *line)
+{
+    const size_t room = (before ? strlen(before) + 1 : 0) + strlen(line) + 1;
+    char *text = malloc(room);
+
+    if (text) (void)!snprintf(text, room, "%s%s%s", before ? before : "", before ? "\n" : "", line);
+    return text;
+}
+
+static int write_file(const char *path, const analysis *a, const ilf_spec *spec, errmsg *e)
+{
+    outfile *o = NULL;
+
+    if (out_begin(&o, path, e)) return -1;
+    if (lf_write_as(&a->f, out_path(o), spec, e)) {
+        out_abort(o);
+        return -1;
+    }
+    return out_commit(o, e);
+}
+
+int output_write(const char *path, const char *input, const analysis *a, const storage *s, const char *line,
+                 int *lamps, errmsg *e)
+{
+    ilf_spec spec = spec_of(s, &a->f);
+    ilf_luminaire *l = taken_lamps(lamps, a);
+    ilf_error err;
+    ilf_notes notes;
+    ilf *file = NULL;
+    int bad = l ? 0 : err_set(e, "%s: no memory for its lamps", path);
+
+    if (!bad && ilf_open(&file, input, &err) != ILF_OK) bad = err_set(e, "%s", err.text);
+    if (!bad) ilf_get_notes(&notes, file);
+    char *comments = bad ? NULL : history(notes.comments, line);
+    if (!bad && !comments) bad = err_set(e, "%s: no memory for its comments", path);
+    if (!bad) {
+        spec.owner = notes.owner, spec.cap_date = notes.cap_date;
+        spec.white_luminance = notes.white_luminance;
+        spec.comments = comments, spec.lamps = l, spec.n_lamps = *lamps, spec.name = path;
+        bad = write_file(path, a, &spec, e);
+    }
+    free(comments);
+    ilf_close(file);
+    taken_free(l, *lamps);
+    return bad;
+}
