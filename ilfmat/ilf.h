@@ -117,6 +117,7 @@ typedef struct ilf_notes {
     double white_luminance;                  /* cd/m^2 of RGB (1,1,1); 0: not stated */
 } ilf_notes;
 
+/* Fill notes from the header; nothing is checked but that the white luminance is above 0. */
 void ilf_get_notes(ilf_notes *notes, const ilf *field);
 
 /* The lamps that were taken out of the field (a file of version 2), in its own coordinates (ilf_luminaire.h);

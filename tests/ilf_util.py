@@ -26,8 +26,151 @@ def f32(a):
     return np.asarray(a, np.float32).astype(float)
 
 
+SHAPES = ["sphere", "rectangle", "disc", "tube"]
+KINDS = ["layer", "foot", "gate", "beam", "stack", "ball"]
+
+
+def logistic(g):
+    with np.errstate(over="ignore"):
+        return 1 / (1 + np.exp(-np.asarray(g, float)))
+
+
+class Mask:
+    """What hides or shapes a lamp (section 1.9); grid: (ny, nx), a stack's (nz, ny, nx), as stored."""
+
+    def __init__(self, kind, grid=None, link=0, adds=0, beta=0, plane=(), coef=(), at=(0, 0), step=(1, 1)):
+        self.kind, self.link, self.adds = kind, link, adds
+        self.beta, self.plane, self.coef = float(f32(beta)), f32(plane), f32(coef)
+        self.x0, self.y0 = f32(at)
+        self.dx, self.dy = f32(step)
+        self.grid = None if grid is None else np.asarray(grid, None if np.asarray(grid).dtype == np.float16 else np.float32)
+
+    def row(self):
+        r = np.zeros(24)
+        r[:4] = KINDS.index(self.kind), self.link, self.adds, self.beta
+        r[4:4 + len(self.plane)], r[7:7 + len(self.coef)] = self.plane, self.coef
+        if self.grid is not None:
+            r[13], r[14], r[15] = self.grid.shape[-1], self.grid.shape[-2], self.grid.shape[0] if self.kind == "stack" else 0
+            r[16:20] = self.x0, self.y0, self.dx, self.dy
+        return r.astype(np.float32)
+
+    def sampled(self, grid, x, y):
+        ny, nx = grid.shape
+        s, t = np.clip((x - self.x0) / self.dx, 0, nx - 1), np.clip((y - self.y0) / self.dy, 0, ny - 1)
+        i, j = np.minimum(s.astype(int), max(nx - 2, 0)), np.minimum(t.astype(int), max(ny - 2, 0))
+        i1, j1, a, b = np.minimum(i + 1, nx - 1), np.minimum(j + 1, ny - 1), s - i, t - j
+        g = grid.astype(float)
+        return (1 - b) * ((1 - a) * g[j, i] + a * g[j, i1]) + b * ((1 - a) * g[j1, i] + a * g[j1, i1])
+
+    def picture(self, x, y):
+        v = self.sampled(self.grid, x, y)
+        return logistic(v) if self.link else v
+
+    def passed(self, c, o, d):
+        """Part of the light that comes along rays from o (n, 3) towards d, in lamp coordinates."""
+        p = (o - d * (o[:, 2] / d[:, 2])[:, None])[:, :2]
+        q = (o + d * ((c[2] - o[:, 2]) / d[:, 2])[:, None])[:, :2]
+        foot = lambda beta: (p + beta * (q - c[:2])).T                 # noqa: E731
+        return getattr(self, "_" + self.kind)(c, o, d, foot)
+
+    def _layer(self, c, o, d, foot):
+        gap = self.plane[0] + o[:, :2] @ self.plane[1:] - o[:, 2]
+        rise = d[:, 2] - d[:, :2] @ self.plane[1:]
+        t = np.where(rise > 0, gap / np.where(rise > 0, rise, 1), -1)
+        X = o + t[:, None] * d
+        return np.where((gap > 0) & (rise > 0) & (X[:, 2] < c[2]), self.picture(X[:, 0], X[:, 1]), 1.)
+
+    def _foot(self, c, o, d, foot):
+        return self.picture(*foot(self.beta))
+
+    def _gate(self, c, o, d, foot):
+        x, y = foot(self.beta)
+        return logistic(self.coef @ np.stack([np.ones_like(x), x, y, x * x, x * y, y * y]))
+
+    def _beam(self, c, o, d, foot):
+        return self.coef[4] * np.maximum(0, -d @ self.coef[:3]) ** self.coef[3]
+
+    def _stack(self, c, o, d, foot):
+        most = np.zeros(len(o))
+        nz = len(self.grid)
+        for k in range(nz):
+            tau = k / (nz - 1) if nz > 1 else 0.
+            h = 1 / ((1 - tau) / self.plane[0] + tau / self.plane[1])
+            if h < c[2]:
+                v = self.sampled(self.grid[k], *foot(h / (c[2] - h)))
+                most = np.where(o[:, 2] < h, np.maximum(most, v), most)
+        return logistic((self.coef[0] - most) / self.coef[1])
+
+    def _ball(self, c, o, d, foot):
+        e = self.coef[:3] - o
+        t = (e * d).sum(1)
+        met = (t > 0) & (t < (c[2] - o[:, 2]) / d[:, 2]) & ((e * e).sum(1) - t * t < self.coef[3] ** 2)
+        return np.where(met, 0., 1.)
+
+
+class Lamp:
+    """A lamp that was taken out (section 1.8), in lamp coordinates."""
+
+    def __init__(self, shape, c, rgb, a=(0, 0, 0), b=(0, 0, 0), radius=0, far=0, masks=(), errors=(0, 0, 0, 0), seen=None):
+        self.shape, self.far, self.masks, self.seen = shape, far, list(masks), seen
+        self.c, self.rgb, self.a, self.b, self.radius, self.errors = f32(c), f32(rgb), f32(a), f32(b), float(f32(radius)), f32(errors)
+
+    def row(self):
+        r = np.zeros(24)
+        r[:2], r[2:5], r[5:8], r[8:11], r[11] = (SHAPES.index(self.shape), self.far), self.c, self.a, self.b, self.radius
+        r[12:15], r[15], r[16:20] = self.rgb, len(self.masks), self.errors
+        return r.astype(np.float32)
+
+    def met(self, o, d):
+        """Distance along each ray, inf where it is not met."""
+        with np.errstate(all="ignore"):
+            if self.shape == "sphere":
+                return entered_ball(self.c, self.radius, o, d)
+            t = entered_tube(self, o, d) if self.shape == "tube" else self.met_flat(o, d)
+        return t
+
+    def met_flat(self, o, d):
+        m = np.cross(self.a, self.b)
+        t = (self.c - o) @ m / (d @ m)
+        q = o + t[:, None] * d - self.c
+        s, r = q @ self.a / (self.a @ self.a), q @ self.b / (self.b @ self.b)
+        inside = (np.abs(s) <= 1) & (np.abs(r) <= 1) if self.shape == "rectangle" else s * s + r * r <= 1
+        return np.where(inside & (t > 0), t, np.inf)
+
+    def passed(self, o, d):
+        product, total = np.ones(len(o)), np.zeros(len(o))
+        for m in self.masks:
+            v = m.passed(self.c, o, d)
+            product, total = (product, total + v) if m.adds else (product * v, total)
+        return np.maximum(0, product + total)
+
+
+def entered_ball(c, r, o, d):
+    e = c - o
+    m = (e * d).sum(1)
+    q = r * r - (e * e).sum(1) + m * m
+    t = m - np.sqrt(np.maximum(q, 0))
+    return np.where((q > 0) & (t > 0), t, np.inf)
+
+
+def entered_tube(l, o, d):
+    """The first of the cylinder's side and the two balls, none of which holds the ray's origin."""
+    half = np.linalg.norm(l.a)
+    axis = l.a / half
+    across = lambda v: v - (v @ axis)[:, None] * axis                  # noqa: E731
+    w, g = across(o - l.c), across(d)
+    A, B, C = (g * g).sum(1), (g * w).sum(1), (w * w).sum(1) - l.radius ** 2
+    t = (-B - np.sqrt(np.maximum(B * B - A * C, 0))) / A
+    on = np.abs((o + t[:, None] * d - l.c) @ axis) <= half
+    side = np.where((A > 0) & (B * B > A * C) & on & (t > 0), t, np.inf)
+    return np.minimum(side, np.minimum(entered_ball(l.c - l.a, l.radius, o, d), entered_ball(l.c + l.a, l.radius, o, d)))
+
+
 class ILF:
-    def __init__(self, probes, origin=(0, 0, 0), U=(1, 0, 0), V=(0, 1, 0), polar_max=PI / 2, polar_valid=None, N=None):
+    lamps = ()
+
+    def __init__(self, probes, origin=(0, 0, 0), U=(1, 0, 0), V=(0, 1, 0), polar_max=PI / 2, polar_valid=None, N=None, lamps=()):
+        self.lamps = list(lamps)
         self.probes = np.asarray(probes, float)
         assert self.probes.ndim == 5 and self.probes.shape[-1] == 3
         self.origin, self.U, self.V = f32(origin), f32(U), f32(V)
@@ -59,6 +202,10 @@ class ILF:
             n = -n
         return np.stack([u, v, n])
 
+    def length_u(self):
+        """The header's |U|, in whatever plane the field lies now: what lamps are measured by."""
+        return getattr(self, "len_u", np.linalg.norm(self.U))
+
     def node(self, i, j):
         a = np.where(self.n_u == 1, 0.5, i / max(self.n_u - 1, 1))
         b = np.where(self.n_v == 1, 0.5, j / max(self.n_v - 1, 1))
@@ -66,7 +213,8 @@ class ILF:
 
     def placed(self, origin, U, V, N=None):
         """The same light with its plane somewhere else: the material's 9 or 12 reals."""
-        other = ILF(self.probes, polar_max=self.polar_max, polar_valid=self.polar_valid, N=N)
+        other = ILF(self.probes, polar_max=self.polar_max, polar_valid=self.polar_valid, N=N, lamps=self.lamps)
+        other.len_u = self.length_u()
         other.origin, other.U, other.V = (np.asarray(a, float) for a in (origin, U, V))
         return other
 
@@ -141,6 +289,24 @@ class ILF:
                     look = np.where((far | ~g.any(axis=1))[:, None], dl, g)
                 out += w[:, None] * self.lookup(i, j, look)
         out[~up] = 0
+        return self.with_lamps(out, o, d, h, far, depth, up) if self.lamps else out
+
+    def with_lamps(self, out, o, d, h, far, depth, up):
+        """Lamps in front of what is left (section 2.7); h: the ray's own origin where the geometry is infinitely far away."""
+        F, k = self.frame(), self.length_u() / np.linalg.norm(self.U)
+        out, dl = out.copy(), d[up] @ F.T
+        e, own = (h[up] - self.origin) @ F.T * k, (o[up] - self.origin) @ F.T * k
+        at_plane = e - dl * (e[:, 2] / dl[:, 2])[:, None]
+        start = np.where((far[up] | (not depth))[:, None], at_plane, own)
+        reach = np.where(far[up], np.inf, ((e - start) * dl).sum(1))
+        t = np.stack([np.where(l.met(start, dl) <= (np.inf if l.far else 1.01 * reach), l.met(start, dl), np.inf)
+                      if l.rgb.any() else np.full(len(dl), np.inf) for l in self.lamps])
+        first = t.argmin(0)
+        for n, lamp in enumerate(self.lamps):
+            sees = (first == n) & np.isfinite(t[n])
+            v = lamp.passed(start[sees], dl[sees])[:, None]
+            rays = np.flatnonzero(up)[sees]
+            out[rays] = v * lamp.rgb + (1 - np.minimum(v, 1)) * out[rays]
         return out
 
     # ---- as an image ----
@@ -196,6 +362,10 @@ def write_ilf(path, ilf, half=False, compression="none", extra=None, parts=(), l
     if line_order is not None:
         header["lineOrder"] = line_order
     header.update(extra or {})
+    if ilf.lamps:
+        header.update(lamp_attributes(ilf.lamps))
+        window = (np.array([0, 0], np.int32), np.array([ilf.n_u * ilf.n_theta - 1, ilf.n_v * ilf.n_phi - 1], np.int32))
+        parts = [*parts, *lamp_parts(ilf.lamps, window)]
     image = ilf.mosaic().astype(np.float16 if half else np.float32)
     channels = {c: np.ascontiguousarray(image[..., k]) for k, c in enumerate("RGB")}
     if parts:
@@ -203,6 +373,28 @@ def write_ilf(path, ilf, half=False, compression="none", extra=None, parts=(), l
     else:
         OpenEXR.File(header, channels).write(str(path))
     return path
+
+
+def lamp_attributes(lamps):
+    masks = [m.row() for l in lamps for m in l.masks]
+    return {"ilf:version": 2, "ilf:lamps": np.concatenate([l.row() for l in lamps])} | ({"ilf:masks": np.concatenate(masks)} if masks else {})
+
+
+def lamp_parts(lamps, display):
+    """Pictures of masks, as the type that they have, and shares as measured."""
+    import OpenEXR
+
+    def lines(name, channels):
+        h, w = next(iter(channels.values())).shape
+        window = (np.array([0, 0], np.int32), np.array([w - 1, h - 1], np.int32))
+        return OpenEXR.Part({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION, "displayWindow": display,
+                             "dataWindow": window}, channels, name)
+
+    masks = [m for l in lamps for m in l.masks]
+    parts = [lines(f"mask.{k + 1}", {"Y": np.ascontiguousarray(m.grid.reshape(-1, m.grid.shape[-1]))})
+             for k, m in enumerate(masks) if m.grid is not None]
+    seen = {f"lamp.{k + 1}": np.asarray(l.seen, np.float32) for k, l in enumerate(lamps) if l.seen is not None}
+    return parts + ([lines("measured", seen)] if seen else [])
 
 
 def read_mosaic(path):

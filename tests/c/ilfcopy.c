@@ -1,6 +1,6 @@
 /*
  * ilfcopy.c - test driver: a light field written anew.  ilfcopy IN OUT [--compression NAME] [--type NAME]
- * [--interleave]
+ * [--interleave]; ilfcopy --digest IN prints its digest
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,11 +10,12 @@
 #include "ilf.h"
 
 static const char *compression = "none", *type;
-static int interleave;
+static int interleave, digest;
 static const cli_opt opts[] = {
     {"compression", 'c', CLI_STRING, &compression, NULL, "NAME", "as ilfpack's"},
     {"type", 't', CLI_STRING, &type, NULL, "half|float", "as ilfpack's; default: the input's"},
     {"interleave", 0, CLI_FLAG, &interleave, NULL, NULL, "as ilfpack's"},
+    {"digest", 0, CLI_FLAG, &digest, NULL, NULL, "print IN's digest, write nothing"},
     {0},
 };
 static const cli_prog prog = {"ilfcopy", "IN OUT", "Writes a light field anew.", opts, ""};
@@ -26,8 +27,15 @@ int main(int argc, char **argv)
     ilf *field = NULL;
     ilf_error err;
 
-    if (argn != 2) cli_fail(CLI_USAGE, "expected IN and OUT");
+    if (argn != (digest ? 1 : 2)) cli_fail(CLI_USAGE, "expected IN and OUT");
     if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
+    if (digest) {
+        uint64_t number;
+        if (ilf_digest(&number, field, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
+        printf("%016llx\n", (unsigned long long)number);
+        ilf_close(field);
+        return cli_end(CLI_OK);
+    }
     const ilf_info *in = ilf_get_info(field);
     ilf_spec s = {.n_u = in->n_u,
                   .n_v = in->n_v,

@@ -1,7 +1,7 @@
 """Files with the names that the examples of README and man pages use, small enough that these end quickly.
 
 make(folder) writes IMG_1.jpg ... IMG_5.jpg (EXIF times) and times.txt, fisheye.exr, flat.exr, source_00.exr ..., lens.txt,
-panorama.hdr, spheres.exr, left.exr, right.exr, probe.exr, probe_0.exr ..., room.ilf.exr, rays.txt, room.rad, objects.rad,
+panorama.hdr, spheres.exr, left.exr, right.exr, probe.exr, probe_0.exr ..., room.ilf.exr, lamps.ilf.exr, rays.txt, room.rad, objects.rad,
 surroundings.rad, view.vf, session.conf.  `with stage(folder):` has a stage at the name port.
 """
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 import exif_util
 import fishremap_util as U
 from conftest import run
+from ilf_util import Lamp, Mask, random_ilf, write_ilf
 from stage_util import Stage, session
 from test_fishremap_array import photograph
 
@@ -81,6 +82,13 @@ def write_probes(folder):
     run("ilfpack", "--quiet", "--grid", "3x2", "--plane", "0 0 0 .75 0 0 0 .75 0", "-o", "room.ilf.exr", *(f"probe_{k}.exr" for k in range(6)), cwd=folder)
 
 
+def write_lamps(folder):
+    f = random_ilf(np.random.default_rng(1), 3, 2, 32, 8, plane=((0, 0, 0), (.75, 0, 0), (0, .75, 0)))
+    card = Mask("layer", np.kron([[1, 1], [0, 1]], np.ones((4, 4))), plane=(.8, 0, 0), at=(-.1, -.1), step=(.12, .12))
+    f.lamps = [Lamp("sphere", (1, .5, 1.6), (90, 80, 60), radius=.2, masks=[card]), Lamp("disc", (-.5, .2, 1.8), (20, 30, 60), a=(.1, 0, 0), b=(0, .1, 0))]
+    write_ilf(folder / "lamps.ilf.exr", f)
+
+
 def write_scene(folder):
     (folder / "room.rad").write_text(ROOM)
     (folder / "objects.rad").write_text(OBJECTS)
@@ -96,6 +104,7 @@ def make(folder):
     lon, lat = np.meshgrid(np.pi - 2 * np.pi * (np.arange(128) + .5) / 128, np.pi / 2 - np.pi * (np.arange(64) + .5) / 64)
     U.write_exr(folder / "panorama.exr", scene(np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], -1)))
     run("fishremap", "--quiet", "--from", "latlong", "--to", "latlong", "--size", "128x64", "-o", "panorama.hdr", "panorama.exr", cwd=folder)
+    write_lamps(folder)
     U.write_exr(folder / "spheres.exr", photograph(U.lobes(count=3, sharpest=2), 12, 12, radius=20.)[0])
     write_probes(folder)
     (folder / "rays.txt").write_text("".join(f"{x} {x} 0  {x} 0 1  {2 * x} {x} 1\n" for x in (.1, .2, .3)))

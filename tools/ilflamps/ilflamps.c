@@ -8,6 +8,7 @@
 #include "base/cli.h"
 #include "compose.h"
 #include "edit.h"
+#include "exportrad.h"
 #include "output.h"
 #include "picture.h"
 #include "raysfile.h"
@@ -16,7 +17,7 @@
 
 enum { MOST_LAMPS = 64, MOST_EDITS = 256, MAX_WIDTH = 15 };
 
-static const char *report, *rays, *radiance, *lamps, *geometry, *composed, *picture, *target,
+static const char *report, *rays, *radiance, *lamps, *geometry, *composed, *picture, *target, *exported,
     *edits[MOST_EDITS];
 static storage stored = {.compression = "none"};
 static int n_edits, grid_u, grid_v;
@@ -63,6 +64,8 @@ static const cli_opt options[] = {
      "lamps to take out: none, all that can be explained (the default), or the N brightest"},
     {"max-width", 0, CLI_DOUBLE, &max_width, NULL, "DEG",
      "leave lamps in the field that look wider than this (default 15)"},
+    {"export-rad", 0, CLI_STRING, &exported, NULL, "DIR",
+     "write lamps and what is left for Radiance programs without our patches: lamps.rad, panorama.rad, ..."},
     {"rays", 0, CLI_STRING, &rays, NULL, "FILE",
      "rays to evaluate: nine doubles each, as ilftrace's lines (with --radiance)"},
     {"radiance", 0, CLI_STRING, &radiance, NULL, "FILE",
@@ -95,8 +98,9 @@ static void check_usage(int operands)
         cli_fail(CLI_USAGE, "--grid says how many probes --compose writes: expected --compose, too");
     if (max_width <= 0 && max_width > NOT_GIVEN)
         cli_fail(CLI_USAGE, "--max-width: expected more than 0 degrees, found %g", max_width);
-    if (!target && !report && !rays && !composed && !picture)
-        cli_fail(CLI_USAGE, "nothing to write: expected -o, --compose, --report, --picture or --radiance");
+    if (!target && !report && !rays && !composed && !picture && !exported)
+        cli_fail(CLI_USAGE,
+                 "nothing to write: expected -o, --compose, --report, --picture, --export-rad or --radiance");
     if (!target && (stored.type || stored.interleave || strcmp(stored.compression, "none") != 0))
         cli_fail(CLI_USAGE, "--type, --compression and --interleave are OUT's: expected -o, too");
 }
@@ -152,6 +156,7 @@ static void write_all(const analysis *a, const char *input, const char *line)
         (rays && rays_evaluate(radiance, rays, input, a, &e)) ||
         (composed &&
          compose_write(composed, a, grid_u ? grid_u : a->f.nu, grid_v ? grid_v : a->f.nv, line, &e)) ||
+        (exported && exportrad_write(exported, a, line, &e)) ||
         (target && output_write(target, input, a, &stored, line, &n, &e)))
         cli_fail(CLI_FAILED, "%s", e.text);
     if (target && n == 0) cli_note("no lamp was taken out: %s is of version 1", target);
