@@ -150,14 +150,14 @@ $(ILFLIB_OBJ): $(B)/obj/%.o: %.c $(B)/flags/c | $(B0)/.debs-radiance
 $(LIBILF): $(ILFLIB_OBJ)
 	@mkdir -p $(@D) && rm -f $@
 	@ar rcs $@ $^
-# ilf.h's functions and nothing else can be seen in the shared one
+# the functions of ilf.h and of what it includes, and nothing else can be seen in the shared one
 $(B)/pic/%.o: %.c $(B)/flags/c | $(B0)/.debs-radiance
 	@mkdir -p $(@D)
 	@echo "  CC  $< (shared)"
 	$(Q)$(CC) $(CPPFLAGS) $(CFLAGS) -fPIC -c -o $@ $<
-$(B)/pic/exports: ilfmat/ilf.h
+$(B)/pic/exports: ilfmat/ilf.h ilfmat/ilf_luminaire.h
 	@mkdir -p $(@D)
-	@{ echo "{ global:"; sed -n 's/^[a-z][^(]*[ *]\(ilf_[a-z0-9_]*\)(.*/\1;/p' $< | grep -v '^static'; echo "local: *; };"; } >$@
+	@{ echo "{ global:"; sed -n 's/^[a-z][^(]*[ *]\(ilf_[a-z0-9_]*\)(.*/\1;/p' $^ | grep -v '^static'; echo "local: *; };"; } >$@
 $(LIBILF_SO): $(ILFLIB_SRC:%.c=$(B)/pic/%.o) $(B)/pic/exports $(B)/flags/ld
 	@mkdir -p $(@D)
 	@echo "  LD  $(@F)"

@@ -55,6 +55,8 @@ def main(argv):
     ap.add_argument("file")
     a = ap.parse_args(argv)
     head = OpenEXR.File(a.file, separate_channels=True).header()
+    if head.get("ilf:version") != 1:
+        raise ValueError(f"{a.file}: ilf:version: expected 1, found {head.get('ilf:version')}")
     o, u, v = (np.asarray(head[f"ilf:{k}"], float) for k in ("origin", "U", "V"))
     if o[2] or u[1] or u[2] or v[0] or v[2]:
         raise ValueError(f"{a.file}: expected the plane z = 0 with U along x and V along y, found {o} {u} {v}")

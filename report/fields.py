@@ -19,6 +19,8 @@ def read(path):
     import OpenEXR
     f = OpenEXR.File(str(path), separate_channels=True)
     part = f.parts[0]
+    if part.header.get("ilf:version") != 1:
+        raise ValueError(f"{path}: ilf:version: expected 1, found {part.header.get('ilf:version')}")
     image = np.stack([np.asarray(part.channels[c].pixels, np.float32) for c in "RGB"], -1)
     tiles = part.header["tiles"]
     h, w = tiles.ySize, tiles.xSize

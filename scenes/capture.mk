@@ -4,7 +4,7 @@
 #   make -f PREFIX/share/ilf/chain/capture.mk CAPTURE=SESSION.conf ...                       as installed
 #
 #   SESSION.conf ──stagectl capture──► PLACE/*.png, times.txt ──hdrgen──► PLACE/fisheye.exr ──fishremap──► PLACE/probe.exr
-#       ──ilfpack──► room.ilf.exr
+#       ──ilfpack──► room.ilf.exr [──ilflamps──► room.lamps.ilf.exr]
 #
 # The same rules serve a virtual and a real stage, `make demo` and `make figures`: port, camera command and the options of each
 # step stand in the session file ([chain]; `stagectl keys` explains them), whose own folder is the working folder of every command.
@@ -28,7 +28,7 @@ ROOT    := $(abspath $(CHAIN)/..)
 INSTALLED := $(wildcard $(CHAIN)/../../../lib/ilf/bin)
 BUILD   ?= $(ROOT)/build
 BIN     := $(abspath $(or $(INSTALLED),$(BUILD)/bin))
-DIGESTED := stagectl hdrgen fishremap ilfpack virtualcamera rtrace
+DIGESTED := stagectl hdrgen fishremap ilfpack ilflamps virtualcamera rtrace
 QUIET   ?=
 CAPTURE ?=
 SESSION := $(abspath $(firstword $(wildcard $(CAPTURE) $(if $(INSTALLED),,$(ROOT)/$(CAPTURE)))))
@@ -50,6 +50,9 @@ HERE    := $(dir $(SESSION))
 FOLDER  := $(call get,output.folder)
 DIGEST  := $(if $(INSTALLED),$(abspath $(FOLDER))/.digest,$(abspath $(BUILD))/digest)
 LIGHT   := $(FOLDER)/$(call get,chain.light_field)
+# the same with its lamps taken out, where the session asks for it
+ILFLAMPS := $(call get,chain.ilflamps)
+LIT     := $(if $(ILFLAMPS),$(LIGHT:.ilf.exr=.lamps.ilf.exr))
 LIST    := $(notdir $(firstword $(TIMES)))
 PLACES  := $(patsubst %/,%,$(dir $(TIMES)))
 MISSING := $(filter-out $(wildcard $(TIMES)),$(TIMES))
@@ -61,7 +64,7 @@ BEFORE  := $(call get,chain.before)
 PORT    := $(call get,stage.port)
 
 .PHONY: light_field capture
-light_field: $(LIGHT)
+light_field: $(LIGHT) $(LIT)
 capture: $(FOLDER)/.captured
 include $(CHAIN)/rules.mk
 
@@ -111,3 +114,10 @@ $(LIGHT): $(PLACES:%=%/probe.exr) $(FOLDER)/.ilfpack $(call named,$(ILFPACK)) $(
 	@cd $(HERE); ilfpack $(QUIET) $(ILFPACK) --grid $(NODES) --plane "$(PLANE)" -o $@ $(PLACES:%=%/probe.exr)
 	@$(call builds,$(@:.exr=.programs),$(CAMERA_PROGRAMS) hdrgen fishremap ilfpack)
 	@echo "light field: $@"
+ifneq ($(LIT),)
+$(eval $(call settings,$(FOLDER)/.ilflamps,$(ILFLAMPS)))
+$(LIT): $(LIGHT) $(FOLDER)/.ilflamps $(call named,$(ILFLAMPS)) $(call made_by,ilflamps)
+	@cd $(HERE); ilflamps $(QUIET) $(ILFLAMPS) -o $@ $<
+	@$(call builds,$(@:.exr=.programs),ilflamps)
+	@echo "its lamps taken out: $@"
+endif

@@ -1,6 +1,6 @@
 # From a room to its light field: file rules that any scene can use.
 #
-#   capture session ──capture.mk: stagectl, hdrgen, fishremap, ilfpack──► room.ilf.exr
+#   capture session ──capture.mk: stagectl, hdrgen, fishremap, ilfpack──► room.ilf.exr [──ilflamps──► room.lamps.ilf.exr]
 #   octree with mirror spheres ──rpict──► camera.py ──hdrgen──► fishremap --array──► room.ilf.exr
 #
 # A run that was stopped goes on where it was, and -j works.  Programs count by their digests (rules.mk): what a program makes is
@@ -36,6 +36,7 @@ endef
 #   NAME_STAGE    octree that its camera sees              NAME_NAMES    further files that it names
 #   NAME_NU _NV   grid nodes along u and v                 NAME_PLANE    "Ox Oy Oz Ux Uy Uz Vx Vy Vz"
 #   NAME_SINGLE   I_J, the node of the single-probe light field
+#   NAME_LIT      not empty: the session asks for ilflamps, which makes room.lamps.ilf.exr
 #   NAME_DISCARD  not empty: the camera's views are thrown away once the exposures are there
 #
 # A session that has changed, another room and another program are taken anew.  Make has no other way to a session's values than
@@ -50,8 +51,8 @@ $($(1)_OUT)/.taken: $($(1)_SESSION) $($(1)_STAGE) $($(1)_NAMES) scenes/view.sh $
 	@$(if $($(1)_DISCARD),rm -rf $($(1)_OUT)/views; )touch $$@
 endef
 define light_field
-$(call capture,$(1),light_field,hdrgen fishremap ilfpack)
-$($(1)_OUT)/room.ilf.exr $($(1)_OUT)/nodes/$($(1)_SINGLE)/probe.exr: $($(1)_OUT)/.taken ;+
+$(call capture,$(1),light_field,hdrgen fishremap ilfpack $(if $($(1)_LIT),ilflamps))
+$($(1)_OUT)/room.ilf.exr $(if $($(1)_LIT),$($(1)_OUT)/room.lamps.ilf.exr) $($(1)_OUT)/nodes/$($(1)_SINGLE)/probe.exr: $($(1)_OUT)/.taken ;+
 $(call single_probe,$(1),$($(1)_OUT)/nodes/$($(1)_SINGLE)/probe.exr)
 endef
 # the values of a session that is a file of ours   $(call in_session,FILE,KEY)

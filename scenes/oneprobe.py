@@ -12,6 +12,8 @@ def cut(field, i, j):
     import OpenEXR
     with OpenEXR.File(field) as f:
         header, channels = f.parts[0].header, f.parts[0].channels
+        if header.get("ilf:version", 1) != 1:
+            raise ValueError(f"{field}: ilf:version: expected 1, found {header['ilf:version']} (ilflamps --compose writes 1)")
         pixels = channels["RGB"].pixels
         tile = header["tiles"]
         w, h = tile.xSize, tile.ySize

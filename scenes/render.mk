@@ -4,7 +4,7 @@
 #
 #   stage.oct                the room without the objects: what a camera on the plane sees
 #   photo.oct                the room itself with the objects: the reference
-#   with_room.oct _single    the objects in room.ilf.exr, single.ilf.exr: on the same surfaces, each of them a window on the light field
+#   with_room.oct _single    the objects in room.ilf.exr, single.ilf.exr (room.lamps.ilf.exr, too): on the same surfaces, each of them a window on the light field
 #   mask.oct                 table red, objects green (compare.py)
 #   X.hdr                    pictures of those, X.json beside it what one cost (timed.py), X.mosaic.png the probes of X.ilf.exr
 #
@@ -41,6 +41,7 @@ $(1)_RENDER_photo       := $($(1)_LIGHT_photo)
 $(1)_RENDER_mask        := -ab 0
 $(1)_RENDER_with_room   := $($(1)_LIGHT_with)
 $(1)_RENDER_with_single := $($(1)_LIGHT_with)
+$(1)_RENDER_with_room.lamps := $($(1)_LIGHT_with)
 
 $($(1)_OUT)/stage.oct: $($(1)_PAINT) $($(1)_ROOM) $($(1)_HIDDEN) $($(1)_TABLE) $($(1)_CAPTURE_ONLY) $($(1)_READS) $(call made_by,oconv xform) | $(FUNCTIONS)
 	@mkdir -p $$(@D)

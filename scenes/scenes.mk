@@ -42,6 +42,8 @@ demo_NU       := $(firstword $(demo_NODES))
 demo_NV       := $(lastword $(demo_NODES))
 demo_PLANE    := $(call in_session,$(DEMO_SESSION),plane)
 demo_SINGLE   := 2_2
+# with lamps taken out, too, as long as the session asks for it ([chain] ilflamps)
+demo_LIT      := $(if $(call in_session,$(DEMO_SESSION),ilflamps),$(DEMO)/with_room.lamps.hdr)
 $(eval $(call light_field,demo))
 
 # The pictures: the table and what stands on it, in the same studio.
@@ -56,9 +58,10 @@ demo_LIGHT_photo := -ab 2 -aa .15 -ad 512 -as 128 -ar 64 -ds .05 -dj .8 -dt 0 -d
 demo_LIGHT_with  := $(PICT_ILF) -ad $(DEMO_AD)
 $(eval $(call light_field_pictures,demo))
 
-$(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
+$(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(demo_LIT) $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --reference "Photograph: the room itself=$(DEMO)/photo.hdr" \
 	    --picture "Incident light field, $(demo_NU) × $(demo_NV) probes=$(DEMO)/with_room.hdr" \
+	    $(if $(demo_LIT),--picture "The same with its lamps taken out (version 2)=$(demo_LIT)") \
 	    --picture "Single probe=$(DEMO)/with_single.hdr" --mask $(DEMO)/mask.hdr \
 	    --title "Two spotlights, captured by a virtual fisheye at $(demo_NU) × $(demo_NV) positions" \
 	    --extra "the light field: $(demo_NU) × $(demo_NV) probes, each the hemisphere as a map=$(DEMO)/room.mosaic.png" \

@@ -36,7 +36,7 @@ put 644 "$build/lib/libilf.a" "$dest/lib/libilf.a"
 put 644 "$build/lib/libilf.so.$abi" "$dest/lib/libilf.so.$abi.$version"
 ln -sf "libilf.so.$abi.$version" "$dest/lib/libilf.so.$abi"
 ln -sf "libilf.so.$abi" "$dest/lib/libilf.so"
-put 644 ilfmat/ilf.h "$dest/include/ilf.h"
+for h in ilf ilf_luminaire; do put 644 "ilfmat/$h.h" "$dest/include/$h.h"; done
 # function files, the font, data: all that build/lib holds but the libraries
 (cd "$build0/lib" && find . -type f ! -name '.*' ! -name '*.a' ! -name '*.so*' ! -name '*.part') | while IFS= read -r f; do
     mkdir -p "$(dirname "$ray/$f")"

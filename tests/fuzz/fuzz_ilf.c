@@ -34,6 +34,31 @@ static void look_up(const ilf *field)
     }
 }
 
+/* Rays that meet the lamps, from the plane and from beside it, with all that stands between. */
+static void look_at_lamps(const ilf *field)
+{
+    const ilf_frame *f = ilf_get_frame(field);
+    int n;
+    const ilf_luminaire *l = ilf_get_luminaires(&n, field);
+
+    for (int i = 0; i < n && i < 16; i++)
+        for (int k = 0; k < 4; k++) {
+            const double from[3] = {.4 * f->len_u, k & 1 ? -1e3 : .1, k & 2 ? .5 * l[i].centre[2] : 0};
+            double o[3], h[3], d[3];
+            float rgb[3];
+            ilf_error err;
+            for (int c = 0; c < 3; c++) {
+                o[c] = f->origin[c] + from[0] * f->u[c] + from[1] * f->v[c] + from[2] * f->n[c];
+                h[c] = f->origin[c] + 2 * (l[i].centre[0] * f->u[c] + l[i].centre[1] * f->v[c]) +
+                       2 * l[i].centre[2] * f->n[c];
+                d[c] = (h[c] - f->origin[c]) / 2 - (o[c] - f->origin[c]);
+            }
+            if (ilf_eval(rgb, field, f, o, d, h, ILF_DEPTH, &err) != ILF_OK) one_line(err.text);
+            else
+                for (int c = 0; c < 3; c++) HOLDS(isfinite(rgb[c]));
+        }
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     fuzz_file file = file_of(data, size);
@@ -62,6 +87,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
                 }
             free(rgb);
             look_up(field);
+            look_at_lamps(field);
             if ((int64_t)i->n_u * i->n_v <= 64) {
                 const ilf_patches_spec spec = {.mode = ILF_DEPTH};
                 ilf_patches *bright = NULL;

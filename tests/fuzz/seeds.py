@@ -30,6 +30,24 @@ def ilf_files():
             f = iu.random_ilf(rng, 2, 2, 4, 3, half=half, plane=((0, 0, 0), (1, 0, 0), (0, 2, 0)))
             iu.write_ilf(path, f, half=half, parts=[interleaved(f, half)])
             yield f"interleaved-{k}", path.read_bytes()
+        for k, f in enumerate(lit_fields(rng)):
+            iu.write_ilf(path, f, half=k == 1, compression="zip" if k == 2 else "none")
+            yield f"lamps-{k + 11}", path.read_bytes()
+
+
+def lit_fields(rng):
+    """Every shape, every kind of mask."""
+    small = dict(at=(-1, -1), step=(1, 1.5))
+    grid = rng.uniform(0, 1, (2, 2, 3)).astype(np.float16)
+    masks = [iu.Mask("layer", grid[0], link=1, plane=(1, .1, -.1), **small), iu.Mask("foot", grid[1].astype(np.float32), beta=.5, adds=1, **small),
+             iu.Mask("gate", beta=.3, coef=(1, 0, .2, -1, 0, -1)), iu.Mask("beam", coef=(0, 0, -1, 4, 1)),
+             iu.Mask("stack", grid, plane=(.5, 1.5), coef=(.5, .1), **small), iu.Mask("ball", coef=(0, .5, 1, .2))]
+    bodies = [dict(shape="sphere", radius=.2), dict(shape="rectangle", a=(.2, 0, 0), b=(0, .3, 0)), dict(shape="disc", a=(.2, 0, 0), b=(0, .1, .1)),
+              dict(shape="tube", a=(.3, .1, 0), radius=.1, far=1)]
+    for chosen, seen in (((0, 1, 2), None), ((3, 4, 5), np.ones((1, 2))), ((), np.ones((1, 2)))):
+        f = iu.random_ilf(rng, 2, 1, 2, 2, half=True, plane=((0, 0, 0), (1, 0, 0), (0, 2, 0)))
+        f.lamps = [iu.Lamp(c=(k - 1, .5, 2), rgb=(9, 8, 7), masks=[masks[m] for m in chosen] if k == 1 else [], seen=seen, **b) for k, b in enumerate(bodies)]
+        yield f
 
 
 def interleaved(f, half):

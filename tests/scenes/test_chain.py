@@ -115,6 +115,25 @@ def test_another_build_makes_anew_what_it_makes_and_nothing_else(capture):
     assert np.array_equal(field(out / "room.ilf.exr"), light)
 
 
+def test_lamps_are_taken_out_where_the_session_asks_for_it(capture):
+    out, session = capture.folder / "out", capture.folder / "s.conf"
+    assert capture() == list(STEPS) and not list(out.glob("room.lamps*"))
+    shutil.copy2(shutil.which("ilflamps", path=environment()["PATH"]), capture.folder / "build/bin")
+    session.write_text(session.read_text() + "ilflamps = --lamps kept\n")
+    assert capture(code=2) == [] and "[chain] ilflamps" in capture.said and "--lamps: expected keep, auto or a number" in capture.said
+    edit(session, "--lamps kept", "--lamps keep --type float")
+    lit = out / "room.lamps.ilf.exr"
+    assert capture() == [] and np.array_equal(field(lit), field(out / "room.ilf.exr"))
+    assert (out / "room.lamps.ilf.programs").read_text().startswith("ilflamps ")
+    stamp = lit.stat().st_mtime_ns
+    assert capture() == [] and lit.stat().st_mtime_ns == stamp
+    edit(session, "keep --type float", "keep --type half")
+    assert capture() == [] and lit.stat().st_mtime_ns != stamp
+    stamp = lit.stat().st_mtime_ns
+    another_build(capture.folder / "build/bin/ilflamps")
+    assert capture() == [] and lit.stat().st_mtime_ns != stamp
+
+
 def test_a_real_cameras_pictures_outlive_their_programs(capture):
     """Nothing can take them again: another build merges and remaps what is there."""
     (capture.folder / "cam.sh").write_text("printf 'P6\\n8 8\\n255\\n' > $1\nhead -c 192 /dev/zero | tr '\\0' $2 >> $1\n")

@@ -8,6 +8,7 @@ import pytest
 
 from common_util import rgbe_of, write_hdr
 from conftest import TOP, environment, run
+from ilf_util import Lamp, random_ilf, write_ilf
 from process import execute
 
 SCENES = TOP / "scenes"
@@ -126,6 +127,10 @@ def test_one_probe(tmp_path):
     run("ilfpack", "--grid", "1x1", "--plane", "0 0 0 1 0 0 0 1 0", "-o", tmp_path / "one.ilf.exr", tmp_path / "one.exr")
     with OpenEXR.File(str(tmp_path / "one.ilf.exr")) as f:
         assert f.parts[0].header["ilf:polarValid"] == pytest.approx(np.radians(79.64), rel=1e-5)
+    lit = random_ilf(np.random.default_rng(1), 2, 1, 8, 4)
+    lit.lamps = [Lamp("sphere", (0, 0, 2), (1, 1, 1), radius=.1)]
+    e = script("oneprobe.py", "--node", "0_0", "-o", tmp_path / "no.exr", write_ilf(tmp_path / "lit.ilf.exr", lit), code=1)
+    assert "ilf:version: expected 1, found 2" in e.stderr and not (tmp_path / "no.exr").exists()
     e = script("oneprobe.py", "--node", "3_0", "-o", tmp_path / "no.exr", tmp_path / "a.ilf.exr", code=1)
     assert "expected a node of 3 x 2" in e.stderr and not (tmp_path / "no.exr").exists()
 

@@ -174,7 +174,7 @@ def test_the_shared_library_shows_what_the_header_declares(installed):
     assert re.fullmatch(r"libilf\.so\.\d+\.\d+\.\d+\.\d+", so.name)
     shown = {line.split()[2] for line in execute(["nm", "-D", "--defined-only", so], capture_output=True, text=True, check=True).stdout.splitlines()
              if line.split()[1] in "TDB"}
-    header = re.sub(r"/\*.*?\*/", "", (tree / "include/ilf.h").read_text(), flags=re.S)
+    header = re.sub(r"/\*.*?\*/", "", "".join((tree / f"include/{h}.h").read_text() for h in ("ilf", "ilf_luminaire")), flags=re.S)
     header = re.sub(r"^typedef [^{;]*;", "", header, flags=re.M)
     header = re.sub(r"static inline[^{]*\{.*?\n\}", "", header, flags=re.S)
     declared = set(re.findall(r"\b(ilf_\w+)\(", header))

@@ -20,6 +20,7 @@ COPY = TOP / "build" / "mutants"
 # name: (file, old, new, what make builds, test that must notice)
 EVAL, FILES, STIFF, FAULTS = "tests/ilfmat/test_ilf_eval.py::", "tests/ilfmat/test_ilf_files.py::", "tests/hdrgen/test_hdrgen_stiff.py::", "tests/stability/test_faults.py::"
 LOOKUP, CORPUS, STAGE = "tests/stability/test_lookup.py::", "tests/stability/test_corpus.py::", "tests/stagectl/test_stagectl_faults.py::"
+LAMPS = "tests/ilfmat/test_ilf_lamps.py::"
 TRACE, LIGHT = "build/bin/ilftrace build/test/ilfstorm", "tests/ilfmat/test_ilf_light.py::"
 
 MUTATIONS = {
@@ -46,6 +47,26 @@ MUTATIONS = {
     "dwa-by-name": ("ilfmat/file/ilf_dwa.c", "ImfOpenTiledInputFile(name)", "ImfOpenTiledInputFile(f->path)", TRACE, "tests/stability/test_sharing.py::test_replaced_while_read"),
     "not-perpendicular-accepted": ("ilfmat/lookup/ilf_frame.c", "if (fabs(uv) > 1e-4)", "if (fabs(uv) > 1e-2)", TRACE + " build/bin/ilfinfo", FILES + "test_edges_are_perpendicular"),
     "texel-beyond-half-packed": ("ilfmat/file/ilf_write.c", "if (fabsf(rgb[k]) > 65504.f)", "if (0)", "build/bin/ilfpack", "tests/ilfmat/test_ilf_commands.py::test_ilfpack_refuses"),
+    # ---- lamps in files and along rays
+    "lamps-behind-the-hit": ("ilfmat/lookup/ilf_lit.c", "(!l->far && t > (1 + FLUSH) * reach)", "0", TRACE, LAMPS + "test_a_lamp_behind_the_hit_is_not_seen"),
+    "flush-lamps-lost": ("ilfmat/lookup/ilf_lit.c", "#define FLUSH 0.01", "#define FLUSH 0.001", TRACE, LAMPS + "test_a_lamp_behind_the_hit_is_not_seen"),
+    "dark-lamps-met": ("ilfmat/lookup/ilf_lit.c", "t >= best || is_out(l)", "t >= best", TRACE, LAMPS + "test_a_lamp_put_out_is_not_there"),
+    "lamps-from-the-plane": ("ilfmat/lookup/ilf_lit.c", "if (hit && origin && mode == ILF_DEPTH) ilf_lamp_point(o", "if (0) ilf_lamp_point(o", TRACE, LAMPS + "test_masks_below_the_origin_do_not_count"),
+    "lamps-not-scaled": ("ilfmat/lookup/ilf_lit.c", "const double unit = f->frame.len_u / fr->len_u;", "const double unit = 1;", TRACE, LAMPS + "test_in_other_planes[scaled]"),
+    "masks-ignored": ("ilfmat/lookup/ilf_lit.c", "const double pass = ilf_luminaire_pass(l, o, d), rest", "const double pass = 1, rest", TRACE, LAMPS + "test_every_shape_behind_every_mask[layer]"),
+    "sheet-below-counts": ("ilfmat/lamps/ilf_mask.c", "if (gap <= 0 || rise <= 0", "if (rise <= 0", TRACE, LAMPS + "test_masks_below_the_origin_do_not_count"),
+    "stack-below-counts": ("ilfmat/lamps/ilf_mask.c", "if (h <= o[2] || h >= c[2]) continue;", "if (h >= c[2]) continue;", TRACE, LAMPS + "test_every_shape_behind_every_mask[stack]"),
+    "what-adds-multiplies": ("ilfmat/lamps/ilf_mask.c", "if (l->masks[k].adds) sum += v;", "if (l->masks[k].adds) product *= v;", TRACE, LAMPS + "test_masks_multiply_and_add"),
+    "link-forgotten": ("ilfmat/file/ilf_lamprow.c", "row[1] = (float)m->link, row[2]", "row[2]", "build/test/ilfcopy " + TRACE + " build/bin/ilfinfo", LAMPS + "test_written_it_is_the_same[options0]"),
+    "digest-without-lamps": ("ilfmat/file/ilf_digest.c", "    lamps_digest(h, f);\n    *digest", "    if (0) lamps_digest(h, f);\n    *digest", "build/test/ilfcopy", LAMPS + "test_the_digest_counts_lamps"),
+    "digest-without-pictures": ("ilfmat/file/ilf_digest.c", "for (int64_t s = 0; s < n; s++) h[s & 1]", "for (int64_t s = 0; s < 0 * n; s++) h[s & 1]", "build/test/ilfcopy", LAMPS + "test_the_digest_counts_lamps"),
+    "unused-numbers-taken": ("ilfmat/file/ilf_lamprow.c", "used ? rules[k].most : 0,", "used ? rules[k].most : MOST,", "build/bin/ilfinfo", LAMPS + "test_every_number_is_checked[sphere]"),
+    "samples-unchecked": ("ilfmat/file/ilf_lamprow.c", "if (!isfinite(m->grid[k]))", "if (0)", "build/bin/ilfinfo", LAMPS + "test_parts_that_are_not_what_they_should_be[not finite]"),
+    "pictures-unbounded": ("ilfmat/file/ilf_lampread.c", "if (st == ILF_OK && *samples > MOST_SAMPLES)", "if (0)", "build/bin/ilfinfo", LAMPS + "test_pictures_have_a_bound_before_memory_is_taken"),
+    "halves-beyond-halves": ("ilfmat/file/ilf_lampwrite.c", "if (fabsf(m->grid[k]) > 65504.f) return EXR_PIXEL_FLOAT;", "if (0) return EXR_PIXEL_FLOAT;", "build/test/ilfcopy", LAMPS + "test_pictures_are_halves_where_halves_hold_them"),
+    "channels-in-number-order": ("ilfmat/file/ilf_lampwrite.c", "qsort(lamp, (size_t)n, sizeof *lamp, by_channel);", "(void)by_channel;", "build/test/ilfcopy build/bin/ilfinfo build/bin/ilftrace", LAMPS + "test_written_it_is_the_same[options0]"),
+    "export-upside-down": ("tools/ilflamps/exportrad.c", "m%d_y m%d_x\\n0", "m%d_x m%d_y\\n0", "build/bin/ilflamps", "tests/ilflamps/test_version2.py::test_exported_lamps_are_as_bright_behind_what_hides_them"),
+    "history-lost": ("tools/ilflamps/output.c", "spec.owner = notes.owner, spec.cap_date", "spec.cap_date", "build/bin/ilflamps", "tests/ilflamps/test_version2.py::test_handed_on_as_it_is"),
     # ---- sampling
     "patch-narrower-than-it-is": ("ilfmat/sampling/ilf_slice.c", "const double reach = cone + HALF_CELL;", "const double reach = 1e-3 + 0 * (cone + HALF_CELL);", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_no_direction_with_excess_is_missed[lamps-box]"),
     "things-behind-lamps-lost": ("ilfmat/sampling/ilf_patch.c", "HALVINGS = 3, MAX_LAYERS = 6", "HALVINGS = 3, MAX_LAYERS = 1", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_light_shows_on_what_stands_behind_a_lamp"),

@@ -1,8 +1,10 @@
 /*
  * ilflamps.c - find the lamps of a light field, take them out, and find out what hides or shapes each.
  */
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "analysis.h"
 #include "base/cli.h"
@@ -20,7 +22,7 @@ enum { MOST_LAMPS = 64, MOST_EDITS = 256, MAX_WIDTH = 15 };
 static const char *report, *rays, *radiance, *lamps, *geometry, *composed, *picture, *target, *exported,
     *edits[MOST_EDITS];
 static storage stored = {.compression = "none"};
-static int n_edits, grid_u, grid_v;
+static int n_edits, grid_u, grid_v, dry_run;
 #define NOT_GIVEN (-1e9)
 static double max_width = NOT_GIVEN;
 
@@ -66,6 +68,7 @@ static const cli_opt options[] = {
      "leave lamps in the field that look wider than this (default 15)"},
     {"export-rad", 0, CLI_STRING, &exported, NULL, "DIR",
      "write lamps and what is left for Radiance programs without our patches: lamps.rad, panorama.rad, ..."},
+    {"dry-run", 0, CLI_FLAG, &dry_run, NULL, NULL, "check the options; read no light field, write nothing"},
     {"rays", 0, CLI_STRING, &rays, NULL, "FILE",
      "rays to evaluate: nine doubles each, as ilftrace's lines (with --radiance)"},
     {"radiance", 0, CLI_STRING, &radiance, NULL, "FILE",
@@ -103,6 +106,17 @@ static void check_usage(int operands)
                  "nothing to write: expected -o, --compose, --report, --picture, --export-rad or --radiance");
     if (!target && (stored.type || stored.interleave || strcmp(stored.compression, "none") != 0))
         cli_fail(CLI_USAGE, "--type, --compression and --interleave are OUT's: expected -o, too");
+}
+
+/* What can be wrong before anything is read. */
+static void check_options(void)
+{
+    errmsg e;
+
+    (void)how_many();
+    if (target && storage_check(&stored, &e)) cli_fail(CLI_USAGE, "%s", e.text);
+    if (geometry && access(geometry, R_OK) != 0)
+        cli_fail(CLI_FAILED, "--geometry: %s: %s", geometry, strerror(errno));
 }
 
 static int version_of(const char *path)
@@ -170,7 +184,8 @@ int main(int argc, char **argv)
     errmsg e;
 
     check_usage(n);
-    if (target && storage_check(&stored, &e)) cli_fail(CLI_USAGE, "%s", e.text);
+    check_options();
+    if (dry_run) return cli_end(CLI_OK);
     get_lamps(&a, argv[1]);
     for (int k = 0; k < n_edits; k++)
         if (edit_lamp(&a, edits[k], &e)) cli_fail(CLI_USAGE, "%s", e.text);

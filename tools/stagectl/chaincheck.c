@@ -64,40 +64,58 @@ static int wants_shell(const char *options)
     return options[strcspn(options, "$`*?[~;&|<>(){}!#\n")] != 0;
 }
 
-int chain_check(char words[256], const session *s, errmsg *e)
+enum { STEPS = 4 };
+static const char *const STEP[STEPS] = {"hdrgen", "fishremap", "ilfpack", "ilflamps"};
+
+/* The options of each step, and what the rules add to them; without options there is no ilflamps. */
+static int fill(char options[STEPS][FILLED_ROOM], char rest[STEPS][512], const session *s, errmsg *e)
 {
-    char program[PATH_MAX], options[3][FILLED_ROOM], rest[3][512], line[512], plane[256];
-    static const char *const name[3] = {"hdrgen", "fishremap", "ilfpack"};
-    snprintf(words, 256, "options of hdrgen, fishremap and ilfpack are right");
+    char plane[256];
+
     if (session_fill(options[0], s, s->hdrgen, e) != 0 || session_fishremap(options[1], s, e) != 0 ||
-        session_fill(options[2], s, s->ilfpack, e) != 0)
+        session_fill(options[2], s, s->ilfpack, e) != 0 || session_fill(options[3], s, s->ilflamps, e) != 0)
         return -1;
     plane_text(plane, s->plane);
     snprintf(rest[0], sizeof rest[0], "-o fisheye.exr picture");
     snprintf(rest[1], sizeof rest[1], "-o probe.exr fisheye.exr");
     snprintf(rest[2], sizeof rest[2], "--grid %dx%d --plane '%s' -o room.ilf.exr probe.exr", s->nodes[0],
              s->nodes[1], plane);
-    for (int k = 0; k < 3; k++) {
-        if (!sibling(program, name[k])) {
-            snprintf(words, 256, "options not checked: %s is not beside this program", name[k]);
+    snprintf(rest[3], sizeof rest[3], "-o lamps.ilf.exr room.ilf.exr");
+    return 0;
+}
+
+/* 0 if the program takes them. */
+static int check_step(const char *home, const char *program, const char *name, const char *options,
+                      const char *rest, errmsg *e)
+{
+    argwords w;
+    char *all = NULL, line[512];
+
+    if (asprintf(&all, "%s --dry-run %s %s", name, options, rest) < 0) return err_set(e, "out of memory");
+    int bad = argwords_split(&w, all, e), status = bad ? -1 : ask(line, home, program, w.word, e);
+    if (!bad) argwords_free(&w);
+    free(all);
+    if (status <= 0) return status;
+    return err_set(e, "[chain] %s: %s", name, line[0] ? line : "its options are refused without words");
+}
+
+int chain_check(char words[256], const session *s, errmsg *e)
+{
+    char program[PATH_MAX], options[STEPS][FILLED_ROOM], rest[STEPS][512];
+
+    snprintf(words, 256, "options of hdrgen, fishremap%s are right",
+             s->ilflamps[0] ? ", ilfpack and ilflamps" : " and ilfpack");
+    if (fill(options, rest, s, e) != 0) return -1;
+    for (int k = 0; k < (s->ilflamps[0] ? STEPS : STEPS - 1); k++) {
+        if (!sibling(program, STEP[k])) {
+            snprintf(words, 256, "options not checked: %s is not beside this program", STEP[k]);
             return 0;
         }
         if (wants_shell(options[k])) {
-            snprintf(words, 256, "options of %s not checked: they need a shell", name[k]);
+            snprintf(words, 256, "options of %s not checked: they need a shell", STEP[k]);
             continue;
         }
-        argwords w;
-        char *all = NULL;
-        if (asprintf(&all, "%s --dry-run %s %s", name[k], options[k], rest[k]) < 0)
-            return err_set(e, "out of memory");
-        int bad = argwords_split(&w, all, e),
-            status = bad ? -1 : ask(line, s->home_folder, program, w.word, e);
-        if (!bad) argwords_free(&w);
-        free(all);
-        if (status < 0) return -1;
-        if (status != 0)
-            return err_set(e, "[chain] %s: %s", name[k],
-                           line[0] ? line : "its options are refused without words");
+        if (check_step(s->home_folder, program, STEP[k], options[k], rest[k], e) != 0) return -1;
     }
     return 0;
 }

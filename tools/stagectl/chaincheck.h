@@ -7,7 +7,7 @@
 
 #include "session.h"
 
-/* Runs hdrgen, fishremap and ilfpack of this installation with the session's options and --dry-run, in the
+/* Runs hdrgen, fishremap and ilfpack (and ilflamps, where it has options) of this installation with the session's options and --dry-run, in the
  * session file's folder and through a shell as the rules do.  words: what was checked.  -1 with the program's
  * own words. */
 int chain_check(char words[256], const session *s, errmsg *e);

@@ -178,7 +178,7 @@ void session_free(session *s)
                       &s->error_text,  &s->exposures_text, &s->folder, &s->file,        &s->times,
                       &s->before,      &s->beside,         &s->hdrgen, &s->fishremap,   &s->ilfpack,
                       &s->light_field, &s->depends,        &s->lens,   &s->home_folder, &s->expect_text,
-                      &s->homing};
+                      &s->homing,      &s->ilflamps};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         free(*texts[i]);
         *texts[i] = NULL;

@@ -73,7 +73,7 @@ typedef struct session {
     int repeat_points;
     char *home_folder; /* of the session file: "" or ending in / */
     /* [chain] for scenes/capture.mk; stagectl only checks it */
-    char *before, *beside, *hdrgen, *fishremap, *ilfpack, *light_field;
+    char *before, *beside, *hdrgen, *fishremap, *ilfpack, *ilflamps, *light_field;
 } session;
 
 /* Where a session stands in the plan's identity: resumed only if these are what they were. */

@@ -72,6 +72,7 @@ const session_key session_keys[] = {
     {"chain", "hdrgen", KEY_TEXT, AT(hdrgen), 0, 0, "", 0, "options of hdrgen"},
     {"chain", "fishremap", KEY_TEXT, AT(fishremap), 0, 0, "--size 256x64", 0, "options of fishremap; --lens and --fov are the camera's where they are left out"},
     {"chain", "ilfpack", KEY_TEXT, AT(ilfpack), 0, 0, "--type half", 0, "options of ilfpack"},
+    {"chain", "ilflamps", KEY_TEXT, AT(ilflamps), 0, 0, "", 0, "options of ilflamps, which then writes the light field a second time, its lamps taken out; empty = it is not run"},
     {"chain", "light_field", KEY_TEXT, AT(light_field), 0, 0, "room.ilf.exr", 0, "name of the light field in the folder"},
     {0}};
 /* clang-format on */
