@@ -136,6 +136,14 @@ static int take_masks(lamp *l, const model *m)
     return 0;
 }
 
+int choose_needed(const lamp *l, const lightfield *f)
+{
+    model none = {0};
+
+    model_judge(&none, l, f);
+    return none.error > STEADY;
+}
+
 int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e)
 {
     lamp *l = &it->l;

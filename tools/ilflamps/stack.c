@@ -65,6 +65,7 @@ static int occupied(float o[FOLDS + 1], const job *j, const double x[3])
         if (e[2] < .2 * v_len(e)) continue;
         lf_place(&px, &py, j->f, e);
         const float v = (float)pictures_look(j->pics, q, px, py);
+        if (v < 0) continue;
         clear += v < CLEAR;
         if (clear > full + FOLDS + 2) return 0; /* whichever fold is left out */
         for (int s = 0; s <= FOLDS; s++)
