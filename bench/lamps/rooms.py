@@ -226,7 +226,7 @@ def ring(axis, a0, a1, n, rng):
     return s * np.cos(p) * t + s * np.sin(p) * b + z * axis, np.full(n, 2 * np.pi * (np.cos(a0) - np.cos(a1)) / n)
 
 
-def quadrature(room, x, rng, most=14000):
+def quadrature(room, x, rng, most=14000, rest=8000):
     caps = [(c, a * 1.02, a * 1.02 + np.radians(8)) for c, a in room.caps(x)]; D, W = [], []
     fine, near = min(3000, most * 3 // 7 // max(1, len(caps))), min(4000, most * 4 // 7 // max(1, len(caps)))
     def keep(d, w, k):
@@ -235,7 +235,7 @@ def quadrature(room, x, rng, most=14000):
         D.append(d[ok]); W.append(w[ok])
     for k, (ax, a, b) in enumerate(caps):
         keep(*ring(ax, 0, a, fine, rng), k); keep(*ring(ax, a, b, near, rng), k)
-    keep(*ring(np.array([0, 0, 1.]), 0, np.pi / 2, 8000, rng), len(caps))
+    keep(*ring(np.array([0, 0, 1.]), 0, np.pi / 2, rest, rng), len(caps))
     return np.concatenate(D), np.concatenate(W)
 
 
@@ -244,12 +244,12 @@ NORMALS = np.array([(0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], fl
 
 
 class Score:
-    def __init__(self, room, patches=5, heights=(.02, .1, .3), seed=7):
+    def __init__(self, room, patches=5, heights=(.02, .1, .3), seed=7, **rays):
         rng = R(seed); self.at, self.heights, self.n = [0], heights, patches ** 2; O, D, W = [], [], []
         for z in heights:
             for a in range(patches):
                 for b in range(patches):
-                    x = np.r_[((np.array([a, b]) + rng.random(2)) / patches - .5) * .9, z]; d, w = quadrature(room, x, rng)
+                    x = np.r_[((np.array([a, b]) + rng.random(2)) / patches - .5) * .9, z]; d, w = quadrature(room, x, rng, **rays)
                     O.append(np.broadcast_to(x, d.shape)); D.append(d); W.append(w); self.at.append(self.at[-1] + len(d))
         self.o, self.d, self.w = np.concatenate(O), np.concatenate(D), np.concatenate(W)
         L, self.hit = room.rays(self.o, self.d); self.true = L @ LUM

@@ -18,6 +18,7 @@ typedef struct model {
     ilf_mask m[FOLDS + 1][MODEL_MASKS]; /* grids owned */
     double error;                       /* rms over left-out rows, shares as weights */
     int saw;                            /* it has seen in the pictures what hides the lamp */
+    int shaped;                         /* a beam or gate is among the masks: a lamp has one at most */
     double height;                      /* of what hides the lamp, where that means something; else 0 */
 } model;
 
