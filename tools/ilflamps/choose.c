@@ -113,15 +113,16 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
 
     for (int k = 0; k < KINDS; k++) {
         ok[k] = 0, memset(&m[k], 0, sizeof m[k]);
-        if ((pick >= 0 && m[pick].error < goal) || (TABLE[k].strict && base->shaped)) continue;
+        if ((pick >= 0 && model_doubt(&m[pick]) < goal) || (TABLE[k].strict && base->shaped)) continue;
         bad |= model_copy(&m[k], base);
         const int r = bad ? -1 : TABLE[k].fit(&m[k], l, f, pics);
-        if (r == 0 && !m[k].saw) m[k].error = hypot(m[k].error, blind[TABLE[k].strict]);
-        ok[k] = r == 0 && (!TABLE[k].strict || m[k].error < fmax(STRICT * base->error, goal)), bad |= r < 0;
-        if (ok[k] && (pick < 0 || m[k].error < m[pick].error)) pick = k;
+        if (r == 0 && !m[k].saw) m[k].blind = fmax(m[k].blind, blind[TABLE[k].strict]);
+        const double miss = model_doubt(&m[k]);
+        ok[k] = r == 0 && (!TABLE[k].strict || miss < fmax(STRICT * model_doubt(base), goal)), bad |= r < 0;
+        if (ok[k] && (pick < 0 || miss < model_doubt(&m[pick]))) pick = k;
     }
     for (int k = 0; k < KINDS && pick >= 0; k++)
-        if (ok[k] && m[k].saw > m[pick].saw && m[k].error < NEAR_TIE * m[pick].error) pick = k;
+        if (ok[k] && m[k].saw > m[pick].saw && model_doubt(&m[k]) < NEAR_TIE * model_doubt(&m[pick])) pick = k;
     for (int k = 0; k < KINDS; k++)
         if (k != pick) model_free(&m[k]);
     if (pick < 0) return bad ? -1 : 1;
@@ -138,7 +139,7 @@ static int chain(model *base, const lamp *l, const lightfield *f, const pictures
         int last, r = one_more(&next, &last, base, l, f, pics);
         if (r < 0) return -1;
         if (r > 0) break;
-        if (next.error >= HELPS * base->error) {
+        if (model_doubt(&next) >= HELPS * model_doubt(base)) {
             model_free(&next);
             break;
         }
@@ -223,6 +224,7 @@ int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e
     it->fate = TAKEN;
     const double alone = it->best.error;
     if (alone > STEADY && (chain(&it->best, l, f, pics) || remainder_too(&it->best, l, f))) goto memory;
+    it->best.error = model_doubt(&it->best);
     if (alone > STEADY && it->best.error >= HELPS * it->interpolation) {
         if (texels > WIDE || plain.error * part_of_light(l, f) > HARMLESS) it->fate = UNEXPLAINED;
         model_free(&it->best);
