@@ -188,7 +188,31 @@ def anyroom(seed):
     return Room(bodies, amp=rng.choice([0, 0, .25]), cell=.45, bright=rng.uniform(.3, 1), phase=rng.uniform(0, 6))
 
 
+def oddroom(seed):
+    "a room by chance, with what is rare: lamps that touch, few or many of them, windows, the sun, a mirror, a lamp at the horizon"
+    room, rng = anyroom(seed), R(seed + 1000000)
+    what = rng.choice(["plain"] * 6 + ["none", "twenty", "touch", "window", "sun", "mirror", "low", "never"]); b, kw = list(room.bodies), {}
+    w = room.w; kw = dict(amp=w.amp, cell=w.cell, bright=w.bright, phase=w.phase)
+    at = lambda: np.r_[rng.uniform(-2, 2, 2), rng.uniform(1.9, 2.6)]
+    lights = [x for x in b if x["lamp"]]
+    if what == "none": b = [x for x in b if not x["lamp"]]
+    if what == "twenty": b += [lamp(at(), rng.uniform(.02, .05), 10 ** rng.uniform(2.6, 4) * np.ones(3)) for _ in range(20 - len(lights))]
+    if what == "touch": c = at(); b += [lamp(c, .05, (6000, 6000, 5000)), lamp(c + .102 * np.r_[unit(rng.normal(size=2)), 0], .05, (4000, 5000, 7000))]
+    if what == "window":
+        y = rng.uniform(-.8, .8); b += [panel((2.85, y, 1.6), (0, rng.uniform(.3, .8), 0), (0, 0, .55), (60, 70, 90))]
+        b += [card((2.6, y + k, 1.6), (0, .02, 0), (0, 0, .6), (.1, .1, .1)) for k in (-.35, 0, .35)]
+    if what == "sun":
+        d = unit(np.r_[rng.uniform(-.8, .8, 2), .8]); kw.update(lo=(-30, -30, -.001), hi=(30, 30, 30))
+        b = [x for x in b if not x["lamp"]] + [body(SUN, d, (4e4, 4e4, 3.5e4), r=np.radians(rng.uniform(.3, 1)), lamp=1),
+                                               card(d / d[2] * rng.uniform(.6, 1.2), (.25, 0, 0), (0, .2, 0), GREY)]
+    if what == "mirror": kw.update(mirror=.5)
+    if what == "low": a = rng.uniform(0, 6.3); b += [lamp((2.4 * np.cos(a), 2.4 * np.sin(a), .06), .05, (6000, 6000, 6000))]
+    if what == "never" and lights: b += [tilted(lights[0]["c"] if lights[0]["kind"] != ROD else (lights[0]["c"] + lights[0]["u"]) / 2, (0, 0), 1.2, .75, .7, 0, 0, 0, GREY)]
+    return Room(b, **kw)
+
+
 def named(name):
+    if name.startswith("odd:"): return oddroom(int(name[4:]))
     if name.startswith("any:"): return anyroom(int(name[4:]))
     return FIXED[name]()
 
@@ -292,5 +316,5 @@ if __name__ == "__main__":
         for k in ("up", "side", "rad", "worst"): print(f"{k:6s}{line(one, k):24s} -> {line(two, k)}")
         for l in report["lamps"]: print(l["fate"], l["shape"], l.get("model"), l.get("error"), l.get("error_of_interpolation"), l.get("height", ""))
         print(f"CPU {report['cpu_s']:.1f} s")
-    elif a == ["list"]: print(*FIXED, "any:SEED")
+    elif a == ["list"]: print(*FIXED, "any:SEED", "odd:SEED")
     else: raise SystemExit(__doc__)

@@ -3,7 +3,7 @@
     table.py [OPTION...] OUT.csv [ROOM...]        ROOM as rooms.py has it (default: all its fixed rooms)
     --grid 8x8  --texels 256x128                  probes and their texels
     --walls                                       give ilflamps the walls (--geometry); else it estimates a box
-    --any FIRST:N                                 N rooms by chance, from seed FIRST on (instead of ROOM...)
+    --any FIRST:N, --odd FIRST:N                  N rooms by chance, from seed FIRST on (instead of ROOM...); odd: with what is rare, too
 
 Captures are kept beside OUT.csv and used again.  Prints a line a room, worst cases and the distribution of gains.  A room is *worse*
 where up or side at any height is more than .2 points above version 1.  Needs ilflamps and oconv on PATH.
@@ -18,10 +18,11 @@ MARGIN = .2                                                # points; the issue's
 def arguments():
     p = argparse.ArgumentParser(usage=__doc__)
     p.add_argument("out"), p.add_argument("room", nargs="*")
-    p.add_argument("--grid", default="8x8"), p.add_argument("--texels", default="256x128"), p.add_argument("--any")
+    p.add_argument("--grid", default="8x8"), p.add_argument("--texels", default="256x128"), p.add_argument("--any"), p.add_argument("--odd")
     p.add_argument("--walls", action="store_true")
     a = p.parse_args()
-    if a.any: first, n = map(int, a.any.split(":")); a.room = [f"any:{first + k}" for k in range(n)]
+    for kind in ("any", "odd"):
+        if getattr(a, kind): first, n = map(int, getattr(a, kind).split(":")); a.room = [f"{kind}:{first + k}" for k in range(n)]
     return a
 
 
