@@ -65,7 +65,8 @@ static int explain(analysis *a, const plan *p, errmsg *e)
     pictures pics = {0};
     int hidden = 0, bad;
 
-    for (int i = 0; i < a->n; i++) hidden |= a->lamps[i].fate == TAKEN && choose_needed(&a->lamps[i].l, &a->f);
+    for (int i = 0; i < a->n; i++)
+        hidden |= a->lamps[i].fate == TAKEN && choose_needed(&a->lamps[i].l, &a->f);
     bad = p->octree ? surroundings_from(&a->around, p->octree, &a->f, e)
           : hidden  ? surroundings_guess(&a->around, &a->f, e)
                     : 0;

@@ -88,7 +88,8 @@ static double gaps(int *n, const double *v, const lamp *l, const lightfield *f)
 }
 
 /* Error that rows of left-out probes don't show: an edge between two probes lies anywhere between them, and a
- * quarter of the light there is wrong on the average; a form of few numbers is held by all its edges together.
+ * quarter of the light there is wrong on the average; a form of few numbers is held by all its edges
+ * together.
  */
 static double unresolved(const model *base, int few, const lamp *l, const lightfield *f)
 {
@@ -122,7 +123,8 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
         if (ok[k] && (pick < 0 || miss < model_doubt(&m[pick]))) pick = k;
     }
     for (int k = 0; k < KINDS && pick >= 0; k++)
-        if (ok[k] && m[k].saw > m[pick].saw && model_doubt(&m[k]) < NEAR_TIE * model_doubt(&m[pick])) pick = k;
+        if (ok[k] && m[k].saw > m[pick].saw && model_doubt(&m[k]) < NEAR_TIE * model_doubt(&m[pick]))
+            pick = k;
     for (int k = 0; k < KINDS; k++)
         if (k != pick) model_free(&m[k]);
     if (pick < 0) return bad ? -1 : 1;
