@@ -15,3 +15,11 @@ $(CASTER): bench/lamps/caster.c | $(B0)/.debs-tools
 	@echo "  CC  $< (shared)"
 	$(Q)$(CC) -std=c11 $(OPT) $(WARN) -fno-math-errno -fno-trapping-math $(OPENMP) -fPIC -shared -o $@ $< -lm
 test: $(CASTER)
+
+# Lamps: version 1 against lamps and residual in rooms of known lamps (half an hour on a quiet core); LAMPS="--odd 7000:100 --grid 6x6
+# --texels 128x64" for rooms by chance.  One thread: CPU seconds then say what they mean.
+LAMPS ?=
+bench-lamps: $(B)/bin/ilflamps $(CASTER) radiance $(VENV)/.packages
+	OMP_NUM_THREADS=1 ILF_BUILD=$(B) $(PY) bench/lamps/table.py $(LAMPS) $(B)/lamps/table.csv
+
+#?measures: bench-lamps     lamps taken out against version 1, in rooms of known lamps (LAMPS="--odd 7000:100 --grid 6x6 --texels 128x64")

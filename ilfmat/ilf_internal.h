@@ -78,8 +78,9 @@ struct ilf {
     ilf_usage usage;                   /* under lock */
     ilf_luminaire *lamps;              /* n_lamps, that were taken out of the texels; NULL: none were */
     int n_lamps;
-    ilf_error exr_words; /* OpenEXR's own words, under lock */
-    ilf_error fault;     /* what ilf_fault says */
+    double (*lamp_balls)[4]; /* of each lamp: centre, square of the radius of a ball that holds it */
+    ilf_error exr_words;     /* OpenEXR's own words, under lock */
+    ilf_error fault;         /* what ilf_fault says */
 };
 
 /* Fill err (may be NULL) and return status.  Control characters become '?'. */
@@ -122,6 +123,9 @@ void ilf_lamp_point(double p[3], const ilf *field, const ilf_frame *frame, const
 /* The number of the first lamp that the ray o + t d (lamps' coordinates, d unit) meets, or -1; reach is where
  * it ends. */
 int ilf_nearest_lamp(const ilf *field, const double o[3], const double d[3], double reach);
+
+/* Fill in lamp_balls. */
+ilf_status ilf_bound_lamps(ilf *field, ilf_error *err);
 
 /* Put a lamp in front of what the texels hold along a ray that meets it. */
 void ilf_add_lamp(float rgb[3], const ilf_luminaire *lamp, const double o[3], const double d[3]);

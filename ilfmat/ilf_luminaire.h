@@ -82,6 +82,9 @@ typedef struct ilf_luminaire {
  */
 int ilf_luminaire_hit(double *t, const ilf_luminaire *lamp, const double o[3], const double d[3]);
 
+/* Radius of a ball round the centre that holds the lamp. */
+double ilf_luminaire_extent(const ilf_luminaire *lamp);
+
 /* Half angle of a cone round the centre, as seen from o, that holds the lamp; pi if o is too near. */
 double ilf_luminaire_cone(const ilf_luminaire *lamp, const double o[3]);
 

@@ -188,7 +188,31 @@ def anyroom(seed):
     return Room(bodies, amp=rng.choice([0, 0, .25]), cell=.45, bright=rng.uniform(.3, 1), phase=rng.uniform(0, 6))
 
 
+def oddroom(seed):
+    "a room by chance, with what is rare: lamps that touch, few or many of them, windows, the sun, a mirror, a lamp at the horizon"
+    room, rng = anyroom(seed), R(seed + 1000000)
+    what = rng.choice(["plain"] * 6 + ["none", "twenty", "touch", "window", "sun", "mirror", "low", "never"]); b, kw = list(room.bodies), {}
+    w = room.w; kw = dict(amp=w.amp, cell=w.cell, bright=w.bright, phase=w.phase)
+    at = lambda: np.r_[rng.uniform(-2, 2, 2), rng.uniform(1.9, 2.6)]
+    lights = [x for x in b if x["lamp"]]
+    if what == "none": b = [x for x in b if not x["lamp"]]
+    if what == "twenty": b += [lamp(at(), rng.uniform(.02, .05), 10 ** rng.uniform(2.6, 4) * np.ones(3)) for _ in range(20 - len(lights))]
+    if what == "touch": c = at(); b += [lamp(c, .05, (6000, 6000, 5000)), lamp(c + .102 * np.r_[unit(rng.normal(size=2)), 0], .05, (4000, 5000, 7000))]
+    if what == "window":
+        y = rng.uniform(-.8, .8); b += [panel((2.85, y, 1.6), (0, rng.uniform(.3, .8), 0), (0, 0, .55), (60, 70, 90))]
+        b += [card((2.6, y + k, 1.6), (0, .02, 0), (0, 0, .6), (.1, .1, .1)) for k in (-.35, 0, .35)]
+    if what == "sun":
+        d = unit(np.r_[rng.uniform(-.8, .8, 2), .8]); kw.update(lo=(-30, -30, -.001), hi=(30, 30, 30))
+        b = [x for x in b if not x["lamp"]] + [body(SUN, d, (4e4, 4e4, 3.5e4), r=np.radians(rng.uniform(.3, 1)), lamp=1),
+                                               card(d / d[2] * rng.uniform(.6, 1.2), (.25, 0, 0), (0, .2, 0), GREY)]
+    if what == "mirror": kw.update(mirror=.5)
+    if what == "low": a = rng.uniform(0, 6.3); b += [lamp((2.4 * np.cos(a), 2.4 * np.sin(a), .06), .05, (6000, 6000, 6000))]
+    if what == "never" and lights: b += [tilted(lights[0]["c"] if lights[0]["kind"] != ROD else (lights[0]["c"] + lights[0]["u"]) / 2, (0, 0), 1.2, .75, .7, 0, 0, 0, GREY)]
+    return Room(b, **kw)
+
+
 def named(name):
+    if name.startswith("odd:"): return oddroom(int(name[4:]))
     if name.startswith("any:"): return anyroom(int(name[4:]))
     return FIXED[name]()
 
@@ -226,7 +250,7 @@ def ring(axis, a0, a1, n, rng):
     return s * np.cos(p) * t + s * np.sin(p) * b + z * axis, np.full(n, 2 * np.pi * (np.cos(a0) - np.cos(a1)) / n)
 
 
-def quadrature(room, x, rng, most=14000):
+def quadrature(room, x, rng, most=14000, rest=8000):
     caps = [(c, a * 1.02, a * 1.02 + np.radians(8)) for c, a in room.caps(x)]; D, W = [], []
     fine, near = min(3000, most * 3 // 7 // max(1, len(caps))), min(4000, most * 4 // 7 // max(1, len(caps)))
     def keep(d, w, k):
@@ -235,7 +259,7 @@ def quadrature(room, x, rng, most=14000):
         D.append(d[ok]); W.append(w[ok])
     for k, (ax, a, b) in enumerate(caps):
         keep(*ring(ax, 0, a, fine, rng), k); keep(*ring(ax, a, b, near, rng), k)
-    keep(*ring(np.array([0, 0, 1.]), 0, np.pi / 2, 8000, rng), len(caps))
+    keep(*ring(np.array([0, 0, 1.]), 0, np.pi / 2, rest, rng), len(caps))
     return np.concatenate(D), np.concatenate(W)
 
 
@@ -244,12 +268,12 @@ NORMALS = np.array([(0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], fl
 
 
 class Score:
-    def __init__(self, room, patches=5, heights=(.02, .1, .3), seed=7):
+    def __init__(self, room, patches=5, heights=(.02, .1, .3), seed=7, **rays):
         rng = R(seed); self.at, self.heights, self.n = [0], heights, patches ** 2; O, D, W = [], [], []
         for z in heights:
             for a in range(patches):
                 for b in range(patches):
-                    x = np.r_[((np.array([a, b]) + rng.random(2)) / patches - .5) * .9, z]; d, w = quadrature(room, x, rng)
+                    x = np.r_[((np.array([a, b]) + rng.random(2)) / patches - .5) * .9, z]; d, w = quadrature(room, x, rng, **rays)
                     O.append(np.broadcast_to(x, d.shape)); D.append(d); W.append(w); self.at.append(self.at[-1] + len(d))
         self.o, self.d, self.w = np.concatenate(O), np.concatenate(D), np.concatenate(W)
         L, self.hit = room.rays(self.o, self.d); self.true = L @ LUM
@@ -292,5 +316,5 @@ if __name__ == "__main__":
         for k in ("up", "side", "rad", "worst"): print(f"{k:6s}{line(one, k):24s} -> {line(two, k)}")
         for l in report["lamps"]: print(l["fate"], l["shape"], l.get("model"), l.get("error"), l.get("error_of_interpolation"), l.get("height", ""))
         print(f"CPU {report['cpu_s']:.1f} s")
-    elif a == ["list"]: print(*FIXED, "any:SEED")
+    elif a == ["list"]: print(*FIXED, "any:SEED", "odd:SEED")
     else: raise SystemExit(__doc__)

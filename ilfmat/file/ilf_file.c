@@ -258,6 +258,7 @@ void ilf_close(ilf *f)
     }
     free(f->pix);
     ilf_free_lamps(f->lamps, f->n_lamps);
+    free(f->lamp_balls);
     pthread_mutex_destroy(&f->lock);
     if (f->exr) exr_finish(&f->exr);
     if (f->map) munmap((void *)(uintptr_t)f->map, (size_t)f->info.file_bytes);
@@ -331,7 +332,7 @@ ilf_status ilf_open(ilf **field, const char *path, ilf_error *err)
         (st = read_channels(f, err)) != ILF_OK || (st = read_attributes(f, err)) != ILF_OK ||
         (st = check_tiles(f, err)) != ILF_OK ||
         (f->info.version == ILF_FILE_VERSION_LAMPS && (st = ilf_read_lamps(f, err)) != ILF_OK) ||
-        (st = make_probes(f, err)) != ILF_OK) {
+        (f->n_lamps && (st = ilf_bound_lamps(f, err)) != ILF_OK) || (st = make_probes(f, err)) != ILF_OK) {
         ilf_close(f);
         return st;
     }

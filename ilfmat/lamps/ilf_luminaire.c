@@ -71,8 +71,7 @@ int ilf_luminaire_hit(double *t, const ilf_luminaire *l, const double o[3], cons
     return l->shape == ILF_TUBE ? hit_tube(t, l, e, d) : hit_flat(t, l, e, d);
 }
 
-/* Radius of a ball round the centre that holds the lamp. */
-static double extent(const ilf_luminaire *l)
+double ilf_luminaire_extent(const ilf_luminaire *l)
 {
     const double a = dot(l->a, l->a), b = dot(l->b, l->b);
 
@@ -84,7 +83,7 @@ static double extent(const ilf_luminaire *l)
 double ilf_luminaire_cone(const ilf_luminaire *l, const double o[3])
 {
     double e[3];
-    const double far = away(e, l, o), r = extent(l);
+    const double far = away(e, l, o), r = ilf_luminaire_extent(l);
 
     return far > r ? asin(r / far) : pi;
 }

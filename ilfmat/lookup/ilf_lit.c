@@ -2,6 +2,8 @@
  * ilf_lit.c - radiance along a ray of a light field whose lamps were taken out: the residual's, and in front
  * of it the lamps, met analytically (docs/FORMAT.md, section 2.7).
  */
+#include <stdlib.h>
+
 #include "ilf_internal.h"
 #include "ilf_vec.h"
 
@@ -14,7 +16,7 @@
 
 static void to_lamps(double a[3], const ilf *f, const ilf_frame *fr, const double v[3])
 {
-    const double unit = f->frame.len_u / fr->len_u;
+    const double unit = fr->len_u == f->frame.len_u ? 1 : f->frame.len_u / fr->len_u;
 
     a[0] = dot(v, fr->u) * unit;
     a[1] = dot(v, fr->v) * unit;
@@ -108,11 +110,46 @@ ilf_status ilf_check_frame(const ilf *f, const ilf_frame *fr, ilf_error *err)
         f->path, u, v);
 }
 
+/* A lamp's ball is a little larger than it: what only rounding keeps out must come in. */
+#define BALL_MARGIN 1e-6
+
+ilf_status ilf_bound_lamps(ilf *f, ilf_error *err)
+{
+    if (!(f->lamp_balls = malloc((size_t)(f->n_lamps + 1) * sizeof *f->lamp_balls)))
+        return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for %d lamps", f->path, f->n_lamps);
+    for (int k = 0; k < f->n_lamps; k++) {
+        const ilf_luminaire *l = &f->lamps[k];
+        const double r = (1 + BALL_MARGIN) * ilf_luminaire_extent(l);
+
+        memcpy(f->lamp_balls[k], l->centre, sizeof l->centre);
+        f->lamp_balls[k][3] = r * r + BALL_MARGIN * BALL_MARGIN * dot(l->centre, l->centre);
+    }
+    return ILF_OK;
+}
+
+/* Does the line through a point pass the ball of any lamp?  Most don't, and this is quick.  1 where overflow
+ * or a NaN leaves it open. */
+static int passes_lamp(const ilf *f, const ilf_frame *fr, const double from[3], const double dir[3])
+{
+    const double d[3] = {dot(dir, fr->u), dot(dir, fr->v), dot(dir, fr->n)}, dd = dot(d, d);
+    double o[3];
+    int near = 0;
+
+    ilf_lamp_point(o, f, fr, from);
+    for (int k = 0; k < f->n_lamps; k++) {
+        const double *b = f->lamp_balls[k], e[3] = {b[0] - o[0], b[1] - o[1], b[2] - o[2]};
+        const double ed = dot(e, d);
+
+        near |= !(dot(e, e) * dd - ed * ed > b[3] * dd);
+    }
+    return near;
+}
+
 ilf_status ilf_eval(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3],
                     const double dir[3], const double *hit, ilf_mode mode, ilf_error *err)
 {
     const ilf_status st = ilf_eval_residual(rgb, f, fr, origin, dir, hit, mode, err);
 
-    if (st != ILF_OK || f->n_lamps == 0) return st;
+    if (st != ILF_OK || f->n_lamps == 0 || !passes_lamp(f, fr, origin ? origin : hit, dir)) return st;
     return ilf_add_lamps(rgb, f, fr, origin, dir, hit, mode, err);
 }

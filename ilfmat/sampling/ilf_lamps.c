@@ -77,17 +77,15 @@ static void from_patches(ilf_lamp *lamp, const cluster *c, const ilf_patches *pl
     lamp->excess = c->excess * pl->unit;
 }
 
-/* A lamp that was taken out of the field, as seen from x in its own coordinates; 0 if it gives no light there. */
-static int from_luminaire(ilf_lamp *lamp, const ilf_luminaire *l, const double x[3], const ilf_patches *pl)
+/* A lamp that was taken out of the field; 0 if it is dark. */
+static int from_luminaire(ilf_lamp *lamp, const ilf_luminaire *l, const ilf_patches *pl)
 {
-    const double unit = pl->frame.len_u / pl->field->frame.len_u, cone = ilf_luminaire_cone(l, x);
-    const double d[3] = {l->centre[0] - x[0], l->centre[1] - x[1], l->centre[2] - x[2]},
-                 far = sqrt(dot(d, d));
+    const double unit = pl->frame.len_u / pl->field->frame.len_u;
 
     to_world(lamp->position, &pl->frame, unit * l->centre[0], unit * l->centre[1], unit * l->centre[2]);
-    lamp->radius = unit * far * sin(fmin(cone, ILF_PI / 2));
+    lamp->radius = unit * ilf_luminaire_extent(l);
     lamp->excess = ilf_luminance(l->rgb);
-    return far > 0 && lamp->excess > 0;
+    return lamp->excess > 0;
 }
 
 ilf_status ilf_patches_lamps(ilf_lamp *lamps, int *n, int most, const ilf_patches *pl, const double centre[3],
@@ -108,7 +106,7 @@ ilf_status ilf_patches_lamps(ilf_lamp *lamps, int *n, int most, const ilf_patche
     const float x[3] = {(float)(unit * own[0]), (float)(unit * own[1]), (float)(unit * own[2])};
     int found = gather_lamps(c, pl, x, (float)radius);
     for (int k = 0; k < found; k++) from_patches(&all[k], &c[k], pl);
-    for (int k = 0; k < f->n_lamps; k++) found += from_luminaire(&all[found], &f->lamps[k], own, pl);
+    for (int k = 0; k < f->n_lamps; k++) found += from_luminaire(&all[found], &f->lamps[k], pl);
     qsort(all, (size_t)found, sizeof *all, by_excess);
     *n = found < most ? found : most;
     memcpy(lamps, all, (size_t)*n * sizeof *lamps);

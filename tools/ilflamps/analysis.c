@@ -60,20 +60,13 @@ static int shapes(analysis *a, const bloblist *list, const centre *c, int n, dou
     return 0;
 }
 
-/* Something hides or shapes it. */
-static int uneven(const lamp *l, const lightfield *f)
-{
-    for (int k = 0; k < f->n; k++)
-        if (l->seen[k] >= 0 && fabs(l->seen[k] - 1) > .03) return 1;
-    return 0;
-}
-
 static int explain(analysis *a, const plan *p, errmsg *e)
 {
     pictures pics = {0};
     int hidden = 0, bad;
 
-    for (int i = 0; i < a->n; i++) hidden |= a->lamps[i].fate == TAKEN && uneven(&a->lamps[i].l, &a->f);
+    for (int i = 0; i < a->n; i++)
+        hidden |= a->lamps[i].fate == TAKEN && choose_needed(&a->lamps[i].l, &a->f);
     bad = p->octree ? surroundings_from(&a->around, p->octree, &a->f, e)
           : hidden  ? surroundings_guess(&a->around, &a->f, e)
                     : 0;

@@ -146,14 +146,14 @@ static double gate_once(double *p, job *j, double beta, int rounds)
 static double gate_fit(double *p, double *beta, job *j, double radius)
 {
     static const double grid[] = {-1, -.6, -.4, -.25, -.12, 0, .12, .25, .45, .8};
-    double best = 1e30, span = .15;
+    double best = 1e30, span = .15 * lamp_beta(j->l, j->f);
 
     for (int i = 0; i < 10; i++)
         for (int soft = 0; soft < 2; soft++) {
             const double g = soft ? 4 : 12, r = radius / j->unit;
             double q[6] = {g, 0, 0, -g / (r * r), 0, -g / (r * r)};
-            const double e = gate_once(q, j, grid[i], 25);
-            if (e >= 0 && e < best) best = e, *beta = grid[i], memcpy(p, q, sizeof q);
+            const double e = gate_once(q, j, lamp_beta(j->l, j->f) * grid[i], 25);
+            if (e >= 0 && e < best) best = e, *beta = lamp_beta(j->l, j->f) * grid[i], memcpy(p, q, sizeof q);
         }
     for (int round = 0; round < 4; round++, span /= 2) {
         const double middle = *beta;
@@ -194,8 +194,8 @@ int smooth_gate(model *m, const lamp *l, const lightfield *f, const pictures *pi
         for (int s = -1; s <= 1; s += 2) { /* beta is the fold's own, too */
             double t[6];
             memcpy(t, q, sizeof t);
-            const double e = gate_once(t, &j, beta + s * .05, 20);
-            if (e >= 0 && e < best) best = e, b = beta + s * .05, memcpy(q, t, sizeof t);
+            const double e = gate_once(t, &j, beta + s * .05 * lamp_beta(l, f), 20);
+            if (e >= 0 && e < best) best = e, b = beta + s * .05 * lamp_beta(l, f), memcpy(q, t, sizeof t);
         }
         j.beta = b;
         gate_mask(&m->m[j.fold][m->n], q, &j);

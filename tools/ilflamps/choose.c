@@ -13,8 +13,10 @@
 
 #include "layers.h"
 #include "smooth.h"
+#include "vec.h"
 
-enum { ROUNDS = 3 };
+enum { ROUNDS = 3, FEW = 6 };
+#define ABRUPT    .6    /* of the light: more between two probes says nothing about where */
 #define HELPS     0.9   /* a further mask must bring the error below this part of what it was */
 #define STRICT    .4    /* part of the error that a beam or gate may leave */
 #define REMAINDER .9    /* the measurements' own scatter must not come back as a remainder */
@@ -22,6 +24,7 @@ enum { ROUNDS = 3 };
 #define CERTAIN   0.02  /* error that needs no further mask */
 #define STEADY    0.012 /* scatter of the shares about 1 of a lamp that nothing hides */
 #define WIDE      (3.0) /* texels: a lamp not wider loses nothing by one share for all of it */
+#define HARMLESS  .02   /* of all light: error of interpolation that may change sides */
 
 typedef int hypothesis(model *m, const lamp *l, const lightfield *f, const pictures *p);
 
@@ -57,6 +60,49 @@ static double enough(const lamp *l)
     return all > 0 ? fmax(CERTAIN, 2 * sqrt(sum / all)) : CERTAIN;
 }
 
+/* Light of a lamp that probe k measured, less what masks say. */
+static void unexplained(double *v, const model *base, const lamp *l, const lightfield *f)
+{
+    for (int k = 0; k < f->n; k++) v[k] = 0;
+    for (int k = 0; k < l->nrows; k++) {
+        const row *r = &l->rows[k];
+        v[r->probe] += r->share * (r->value - model_row(r, l, f, base->m[ALL], base->n));
+    }
+}
+
+/* Part of the pairs of neighbours between which all of the light comes or goes: where in between, rows don't
+ * say. */
+static double gaps(int *n, const double *v, const lamp *l, const lightfield *f)
+{
+    int all = 0;
+
+    *n = 0;
+    for (int k = 0; k < f->n; k++)
+        for (int s = 0; s < 2; s++) {
+            const int q = s ? k + f->nu : k + 1;
+            if (s ? q >= f->n : q % f->nu == 0) continue;
+            if (l->seen[k] < 0 && l->seen[q] < 0) continue;
+            all++, *n += fabs(v[k] - v[q]) > ABRUPT;
+        }
+    return all ? (double)*n / all : 0;
+}
+
+/* Error that rows of left-out probes don't show: an edge between two probes lies anywhere between them, and a
+ * quarter of the light there is wrong on the average; a form of few numbers is held by all its edges
+ * together.
+ */
+static double unresolved(const model *base, int few, const lamp *l, const lightfield *f)
+{
+    double *v = malloc((size_t)f->n * sizeof *v), part = 0;
+    int n = 0;
+
+    if (!v) return 1;
+    unexplained(v, base, l, f);
+    part = gaps(&n, v, l, f);
+    free(v);
+    return sqrt(.25 * part * (few && n > FEW ? (double)FEW / n : 1));
+}
+
 /* One more mask: the best of all kinds (in the table's order, until one is good enough) goes to *best; *last
  * if nothing should follow it. */
 static int one_more(model *best, int *last, const model *base, const lamp *l, const lightfield *f,
@@ -64,22 +110,26 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
 {
     model m[KINDS];
     int ok[KINDS], pick = -1, bad = 0;
-    const double goal = enough(l);
+    const double goal = enough(l), blind[2] = {unresolved(base, 0, l, f), unresolved(base, 1, l, f)};
 
     for (int k = 0; k < KINDS; k++) {
         ok[k] = 0, memset(&m[k], 0, sizeof m[k]);
-        if (pick >= 0 && m[pick].error < goal) continue;
+        if ((pick >= 0 && model_doubt(&m[pick]) < goal) || (TABLE[k].strict && base->shaped)) continue;
         bad |= model_copy(&m[k], base);
         const int r = bad ? -1 : TABLE[k].fit(&m[k], l, f, pics);
-        ok[k] = r == 0 && (!TABLE[k].strict || m[k].error < fmax(STRICT * base->error, goal)), bad |= r < 0;
-        if (ok[k] && (pick < 0 || m[k].error < m[pick].error)) pick = k;
+        if (r == 0 && !m[k].saw) m[k].blind = fmax(m[k].blind, blind[TABLE[k].strict]);
+        const double miss = model_doubt(&m[k]);
+        ok[k] = r == 0 && (!TABLE[k].strict || miss < fmax(STRICT * model_doubt(base), goal)), bad |= r < 0;
+        if (ok[k] && (pick < 0 || miss < model_doubt(&m[pick]))) pick = k;
     }
     for (int k = 0; k < KINDS && pick >= 0; k++)
-        if (ok[k] && m[k].saw > m[pick].saw && m[k].error < NEAR_TIE * m[pick].error) pick = k;
+        if (ok[k] && m[k].saw > m[pick].saw && model_doubt(&m[k]) < NEAR_TIE * model_doubt(&m[pick]))
+            pick = k;
     for (int k = 0; k < KINDS; k++)
         if (k != pick) model_free(&m[k]);
     if (pick < 0) return bad ? -1 : 1;
     *best = m[pick], *last = TABLE[pick].last;
+    best->shaped |= TABLE[pick].strict;
     say(best, TABLE[pick].name);
     return bad ? -1 : 0;
 }
@@ -91,7 +141,7 @@ static int chain(model *base, const lamp *l, const lightfield *f, const pictures
         int last, r = one_more(&next, &last, base, l, f, pics);
         if (r < 0) return -1;
         if (r > 0) break;
-        if (next.error >= HELPS * base->error) {
+        if (model_doubt(&next) >= HELPS * model_doubt(base)) {
             model_free(&next);
             break;
         }
@@ -136,6 +186,32 @@ static int take_masks(lamp *l, const model *m)
     return 0;
 }
 
+/* The lamp's part of the light on the plane, were it not hidden. */
+static double part_of_light(const lamp *l, const lightfield *f)
+{
+    double own = 0, rest = 0, d[3];
+
+    for (int k = 0; k < f->n; k++) {
+        double e[3];
+        v_sub(e, l->s.l.centre, f->pos[k]);
+        own += l->s.radiance * ilf_luminaire_omega(&l->s.l, f->pos[k]) * fmax(0, e[2]) / v_len(e);
+        for (int y = 0; y < f->np; y++)
+            for (int x = 0; x < f->nt; x++) {
+                lf_direction(d, f, x + .5, y + .5);
+                rest += lf_lum(f, k, x, y) * lf_texel_sr(f, y) * fmax(0, d[2]);
+            }
+    }
+    return own / (own + rest + 1e-300);
+}
+
+int choose_needed(const lamp *l, const lightfield *f)
+{
+    model none = {0};
+
+    model_judge(&none, l, f);
+    return none.error > STEADY;
+}
+
 int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e)
 {
     lamp *l = &it->l;
@@ -150,8 +226,9 @@ int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e
     it->fate = TAKEN;
     const double alone = it->best.error;
     if (alone > STEADY && (chain(&it->best, l, f, pics) || remainder_too(&it->best, l, f))) goto memory;
+    it->best.error = model_doubt(&it->best);
     if (alone > STEADY && it->best.error >= HELPS * it->interpolation) {
-        if (texels > WIDE) it->fate = UNEXPLAINED;
+        if (texels > WIDE || plain.error * part_of_light(l, f) > HARMLESS) it->fate = UNEXPLAINED;
         model_free(&it->best);
         it->best = plain;
     } else model_free(&plain);

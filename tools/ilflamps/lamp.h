@@ -9,9 +9,12 @@
 #ifndef LAMP_H
 #define LAMP_H
 
+#include <math.h>
+
 #include "shape.h"
 
 enum { ROW_SAMPLES = 8, FOLDS = 4 };
+#define ABOVE_PLANE 4.
 
 typedef struct row {
     int probe, n;
@@ -46,6 +49,18 @@ void lamp_free(lamp *l);
 static inline int lamp_is_out(const ilf_luminaire *l)
 {
     return l->rgb[0] == 0 && l->rgb[1] == 0 && l->rgb[2] == 0;
+}
+
+/* Heights up to which something may hide it: the lamp's own; of one at infinity, some sizes of the plane. */
+static inline double lamp_ceiling(const lamp *l, const lightfield *f)
+{
+    return fmin(l->s.l.centre[2], ABOVE_PLANE * f->size);
+}
+
+/* Unit of beta: 1, and of a lamp at infinity what stands for a height of one size of the plane. */
+static inline double lamp_beta(const lamp *l, const lightfield *f)
+{
+    return l->c.far ? f->size / l->s.l.centre[2] : 1;
 }
 
 /* Probes are left out in four turns, so that each one's neighbours stay in. */

@@ -8,6 +8,8 @@
 #ifndef MODEL_H
 #define MODEL_H
 
+#include <math.h>
+
 #include "lamp.h"
 
 enum { MODEL_MASKS = 12, ALL = FOLDS }; /* fold number ALL: fitted to all probes */
@@ -17,7 +19,9 @@ typedef struct model {
     int n;                              /* masks */
     ilf_mask m[FOLDS + 1][MODEL_MASKS]; /* grids owned */
     double error;                       /* rms over left-out rows, shares as weights */
+    double blind;                       /* error that rows can't show */
     int saw;                            /* it has seen in the pictures what hides the lamp */
+    int shaped;                         /* a beam or gate is among the masks: a lamp has one at most */
     double height;                      /* of what hides the lamp, where that means something; else 0 */
 } model;
 
@@ -26,6 +30,12 @@ double model_row(const row *r, const lamp *l, const lightfield *f, const ilf_mas
 
 /* Set error from left-out rows. */
 void model_judge(model *m, const lamp *l, const lightfield *f);
+
+/* Error by all that is known. */
+static inline double model_doubt(const model *m)
+{
+    return hypot(m->error, m->blind);
+}
 
 /* A model's deep copy, and its end. */
 int model_copy(model *to, const model *from);

@@ -9,11 +9,13 @@
 
 #include "vec.h"
 
-enum { WITNESSES = 15 };
+enum { WITNESSES = 15, SAMPLES = 200000 };
 /* Part of a texel's darkening that counts as all: what is thinner than a texel must not vanish. */
-#define PART .4f
+#define PART .4
 /* z of directions looked at: lower ones hardly matter, and walls are seen obliquely. */
 #define LOWEST .15
+/* Walls darker than this times what hides don't tell. */
+#define TELLS 1.6
 
 static int by_value(const void *a, const void *b)
 {
@@ -22,54 +24,91 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Luminance over the wall's for every texel; 1 where it isn't looked at. */
-static void ratios(float *out, const lightfield *f, const surroundings *s, int probe)
+/* A texel's luminance is looked for among those that other probes see at the same place of the wall. */
+static int behind(double *wall, const lightfield *f, const surroundings *s, int probe, int k)
 {
-    for (int k = 0; k < f->nt * f->np; k++) {
-        double d[3], x[3], v[WITNESSES];
-        int n = 0;
-        lf_direction(d, f, k % f->nt + .5, k / f->nt + .5);
-        out[k] = 1;
-        if (d[2] < LOWEST) continue;
-        surroundings_meet(x, s, f->pos[probe], d);
-        for (int w = 0; w < WITNESSES && n < WITNESSES; w++) {
-            const int q = (probe + 1 + w * (f->n > WITNESSES ? f->n / WITNESSES : 1) + (w * w) % 3) % f->n;
-            double e[3], px, py;
-            v_sub(e, x, f->pos[q]);
-            if (q == probe || e[2] < .1 * v_len(e)) continue;
-            lf_place(&px, &py, f, e);
-            v[n++] = lf_look(f, q, px, py);
-        }
-        if (n < 3) continue;
-        qsort(v, (size_t)n, sizeof *v, by_value);
-        out[k] = (float)(lf_lum(f, probe, k % f->nt, k / f->nt) / fmax(1e-12, v[n / 2]));
+    double d[3], x[3], v[WITNESSES];
+    int n = 0;
+
+    lf_direction(d, f, k % f->nt + .5, k / f->nt + .5);
+    if (d[2] < LOWEST) return 0;
+    surroundings_meet(x, s, f->pos[probe], d);
+    for (int w = 0; w < WITNESSES; w++) {
+        const int q = (probe + 1 + w * (f->n > WITNESSES ? f->n / WITNESSES : 1) + (w * w) % 3) % f->n;
+        double e[3], px, py;
+        v_sub(e, x, f->pos[q]);
+        if (q == probe || e[2] < .1 * v_len(e)) continue;
+        lf_place(&px, &py, f, e);
+        v[n++] = lf_look(f, q, px, py);
     }
+    if (n < 3) return 0;
+    qsort(v, (size_t)n, sizeof *v, by_value);
+    *wall = fmax(1e-12, v[n / 2]);
+    return 1;
+}
+
+/* How dark what hides is: over the wall (lower quartile of texels that are clearly darker than it), and
+ * itself (upper quartile), from a part of the texels. */
+static int darkness(double *part, double *itself, const lightfield *f, const surroundings *s)
+{
+    const size_t all = (size_t)f->n * (size_t)f->nt * (size_t)f->np, step = all / SAMPLES + 1;
+    double *v = malloc(2 * SAMPLES * sizeof *v), *own = v + SAMPLES, wall;
+    int n = 0;
+
+    *part = .3, *itself = 0;
+    if (!v) return -1;
+    for (size_t i = 0; i < all; i += step) {
+        const size_t texels = (size_t)f->nt * (size_t)f->np;
+        const int probe = (int)(i / texels), k = (int)((i * 7919) % texels);
+        const double lum = lf_lum(f, probe, k % f->nt, k / f->nt);
+        if (behind(&wall, f, s, probe, k) && lum < .6 * wall) v[n] = lum / wall, own[n++] = lum;
+    }
+    if (n > 100) {
+        qsort(v, (size_t)n, sizeof *v, by_value), qsort(own, (size_t)n, sizeof *own, by_value);
+        *part = v[n / 4], *itself = own[3 * n / 4];
+    }
+    free(v);
+    return 0;
 }
 
 int pictures_make(pictures *p, const lightfield *f, const surroundings *around, errmsg *e)
 {
     const size_t texels = (size_t)f->nt * (size_t)f->np;
-    long count[64] = {0}, all = 0;
+    double itself;
 
     memset(p, 0, sizeof *p);
     p->nt = f->nt, p->np = f->np, p->around = around;
     p->opacity = malloc((size_t)f->n * texels * sizeof *p->opacity);
-    if (!p->opacity) return err_set(e, "no memory for pictures of what hides");
+    if (!p->opacity || darkness(&p->dark, &itself, f, around))
+        return err_set(e, "no memory for pictures of what hides");
 #pragma omp parallel for schedule(dynamic, 1)
-    for (int k = 0; k < f->n; k++) ratios(p->opacity + (size_t)k * texels, f, around, k);
-    /* what hides is dark: a tenth of the texels that are clearly darker than the wall tell how dark */
-    for (size_t k = 0; k < (size_t)f->n * texels; k++)
-        if (p->opacity[k] < .6f) count[(int)fmaxf(0, p->opacity[k] / .6f * 64 * .999f)]++, all++;
-    p->dark = .3;
-    long sum = 0;
-    for (int k = 0; k < 64 && all > 100; k++)
-        if ((sum += count[k]) > all / 4) {
-            p->dark = .6 * (k + .5) / 64;
-            break;
+    for (int q = 0; q < f->n; q++)
+        for (int k = 0; k < f->nt * f->np; k++) {
+            double wall;
+            float *o = p->opacity + (size_t)q * texels + (size_t)k;
+            *o = -1;
+            if (!behind(&wall, f, around, q, k) || wall < TELLS * itself) continue;
+            const double ratio = lf_lum(f, q, k % f->nt, k / f->nt) / wall;
+            *o = (float)fmax(0, fmin(1, (1 - ratio) / (1 - p->dark) / PART));
         }
-    for (size_t k = 0; k < (size_t)f->n * texels; k++)
-        p->opacity[k] = fmaxf(0, fminf(1, (1 - p->opacity[k]) / (1 - (float)p->dark) / PART));
     return 0;
+}
+
+double pictures_look(const pictures *p, int probe, double x, double y)
+{
+    const float *o = p->opacity + (size_t)probe * (size_t)(p->np * p->nt);
+    int i = (int)(x + (double)p->nt - .5), j = (int)(y - .5);
+    const double a = x + (double)p->nt - .5 - i;
+    double b = y - .5 - j, sum = 0, all = 0;
+
+    if (y < .5) j = 0, b = 0;
+    if (j >= p->np - 1) j = p->np - 2, b = 1;
+    for (int k = 0; k < 4; k++) {
+        const double v = (double)o[(j + (k >> 1)) * p->nt + (i + (k & 1)) % p->nt],
+                     w = (k & 1 ? a : 1 - a) * (k & 2 ? b : 1 - b);
+        if (v >= 0) sum += w * v, all += w;
+    }
+    return all > .5 ? sum / all : -1;
 }
 
 void pictures_add_lamp(pictures *p, const lamp *l, const lightfield *f)
@@ -79,7 +118,7 @@ void pictures_add_lamp(pictures *p, const lamp *l, const lightfield *f)
         if (was[3] < .3f) continue;
         const double share = (ilf_luminance(was) - ilf_luminance(left)) /
                              ((double)was[3] * (l->s.radiance - ilf_luminance(left)));
-        p->opacity[l->filled[i]] = (float)fmax(0, fmin(1, (1 - share) / (double)PART));
+        p->opacity[l->filled[i]] = (float)fmax(0, fmin(1, (1 - share) / PART));
     }
 }
 

@@ -9,7 +9,8 @@
 
 typedef struct pictures {
     int nt, np;
-    float *opacity; /* per probe and texel: part of it that something hides from the walls, 0 to 1 */
+    float *opacity; /* per probe and texel: part of it that something hides from the walls, 0 to 1; below 0:
+                       it doesn't tell, as the wall is as dark as what hides */
     double dark;    /* luminance of what hides over the wall's */
     const surroundings *around;
 } pictures;
@@ -22,19 +23,7 @@ void pictures_add_lamp(pictures *p, const lamp *l, const lightfield *f);
 
 void pictures_free(pictures *p);
 
-static inline double pictures_look(const pictures *p, int probe, double x, double y)
-{
-    const float *o = p->opacity + (size_t)probe * (size_t)(p->np * p->nt);
-    int i = (int)(x + (double)p->nt - .5), j = (int)(y - .5);
-    const double a = x + (double)p->nt - .5 - i;
-    double b = y - .5 - j;
-
-    if (y < .5) j = 0, b = 0;
-    if (j >= p->np - 1) j = p->np - 2, b = 1;
-    i %= p->nt;
-    const int k = (i + 1) % p->nt;
-    return (1 - b) * ((1 - a) * (double)o[j * p->nt + i] + a * (double)o[j * p->nt + k]) +
-           b * ((1 - a) * (double)o[(j + 1) * p->nt + i] + a * (double)o[(j + 1) * p->nt + k]);
-}
+/* Opacity bilinear between the texels that tell; below 0: they don't. */
+double pictures_look(const pictures *p, int probe, double x, double y);
 
 #endif

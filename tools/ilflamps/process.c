@@ -160,12 +160,14 @@ static int picture(ilf_mask *m, const gp *g, const double *a, double beta, doubl
 }
 
 /* beta and length of least left-out error. */
-static void choose(double *beta, double *length, const gp *g, double *K, double *a, double size)
+static void choose(double *beta, double *length, const gp *g, double *K, double *a, double size, double unit)
 {
-    static const double grid[] = {-1.6, -1, -.6, -.3, 0, .4, .9, 1.6, 3, 8}, lengths[] = {.2, 1, 2};
+    static const double steps[] = {-1.6, -1, -.6, -.3, 0, .4, .9, 1.6, 3, 8}, lengths[] = {.2, 1, 2};
+    double grid[10];
     double best = 1e30, e[10];
     int k = 0;
 
+    for (int i = 0; i < 10; i++) grid[i] = unit * steps[i];
     *length = .5 * size;
     for (int i = 0; i < 10; i++)
         if ((e[i] = try_pair(g, K, a, grid[i], *length)) < best) best = e[i], k = i;
@@ -200,7 +202,7 @@ int smooth_process(model *m, const lamp *l, const lightfield *f, const pictures 
 
     (void)pics;
     if (!K || !a) bad = -1;
-    if (!bad) gp_rows(&g, m, ALL, l, f), choose(&beta, &length, &g, K, a, f->size);
+    if (!bad) gp_rows(&g, m, ALL, l, f), choose(&beta, &length, &g, K, a, f->size, lamp_beta(l, f));
     for (int fold = 0; fold <= FOLDS && !bad; fold++) {
         gp_rows(&g, m, fold, l, f);
         if (try_pair(&g, K, a, beta, length) >= 1e30) bad = 1;

@@ -19,6 +19,7 @@ enum { MOST_PROBES = 32, PARAMS = 9 };
 #define ALL_BUT                                                                                              \
     .9 /* the same for lamps of many texels, whose shape a hidden corner spoils more than foreshortening */
 #define ROUNDISH .2  /* rms misfit below which a sphere says which probes see all of the lamp */
+#define DOUBT    .1  /* rms misfit above which those that see part of it are looked for */
 #define SURE     .03 /* rms misfit below which a sphere needs no rival */
 
 /* centre 0-2, log sizes 3 and 4, turn about the frame's third axis 5, first 6, second 7 */
@@ -291,9 +292,10 @@ static int only_whole(work *w, const trial *t)
     }
     qsort(sorted, (size_t)w->n, sizeof *sorted, by_flux);
     const double least = .975 * sorted[w->n > 8 ? 2 : w->n > 4 ? 1 : 0];
-    for (int i = 0; i < w->n; i++) kept += v[i] >= least;
-    if (kept < 3) return 0;
-    if (kept == w->n) return 0;
+    double worst = 0;
+    for (int i = 0; i < w->n; i++)
+        if (v[i] >= least) kept++, worst = fmax(worst, own[i]);
+    if (kept < (worst < SURE ? 2 : 3) || kept == w->n) return 0;
     kept = 0, w->texels = 0;
     for (int i = 0; i < w->n; i++) {
         const patch p = w->p[i];
@@ -306,6 +308,40 @@ static int only_whole(work *w, const trial *t)
     }
     w->n = kept;
     return 1;
+}
+
+static void brightest_first(work *w)
+{
+    double v[MOST_PROBES];
+
+    for (int i = 0; i < w->n; i++) {
+        const patch p = w->p[i];
+        double sum = 0;
+        int k = i;
+        for (int j = 0; j < p.n; j++) sum += p.sr[j] * p.lum[j];
+        for (; k > 0 && v[k - 1] < sum; k--) v[k] = v[k - 1], w->p[k] = w->p[k - 1];
+        v[k] = sum, w->p[k] = p;
+    }
+}
+
+/* Where few probes see all of a ball, those that see part of it spoil the fit: leave the darkest out, a
+ * fourth at a time, until the rest is a ball without doubt.  1 if that helped. */
+static int weed(work *w, trial *t)
+{
+    work few = *w;
+
+    brightest_first(w);
+    for (few.n = w->n - (w->n + 3) / 4; few.n >= 2; few.n -= (few.n + 3) / 4) {
+        trial q = *t;
+        few.texels = 0;
+        for (int i = 0; i < few.n; i++) few.texels += w->p[i].n;
+        if (fit(&q, &few)) return -1;
+        if (q.misfit >= few.n * SURE * SURE) continue;
+        for (int i = few.n; i < w->n; i++) patch_free(&w->p[i]);
+        *w = few, *t = q;
+        return 1;
+    }
+    return 0;
 }
 
 /* Radiance of the lamp from the probes that see all of it. */
@@ -361,6 +397,7 @@ int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const
     const int n = trials(t, c->at, cov, towards, wide < 1.2 * texel);
     for (int pass = 0; pass < 3 && !bad && w.texels; pass++) {
         best = 0;
+        if (pass == 1 && t[0].misfit > w.n * DOUBT * DOUBT && weed(&w, &t[0]) < 0) bad = -1;
         for (int k = 0; k < n && !bad; k++) {
             bad = fit(&t[k], &w);
             if (!k && (t[0].misfit < w.n * SURE * SURE ||

@@ -134,7 +134,7 @@ int layers_sheet(model *m, const lamp *l, const lightfield *f, const pictures *p
 
     (void)pics;
     for (int k = 0; k < HEIGHTS; k++) {
-        h[k] = l->s.l.centre[2] * (.08 + .87 * k / (HEIGHTS - 1)), e[k] = height_error(&j, h[k]);
+        h[k] = lamp_ceiling(l, f) * (.08 + .87 * k / (HEIGHTS - 1)), e[k] = height_error(&j, h[k]);
         if (e[k] < 0) return -1;
     }
     for (int s = 0; s < STARTS; s++) {

@@ -14,7 +14,7 @@
 
 enum { COARSE = 72, COARSE_SHEETS = 24, FINE = 208, MOST_SHEETS = 36, KEPT = 16 };
 #define ABOVE    .45
-#define QUANTILE .12
+#define QUANTILE .03
 #define CLEAR    .2 /* an opacity below this is none */
 
 typedef struct job {
@@ -65,6 +65,7 @@ static int occupied(float o[FOLDS + 1], const job *j, const double x[3])
         if (e[2] < .2 * v_len(e)) continue;
         lf_place(&px, &py, j->f, e);
         const float v = (float)pictures_look(j->pics, q, px, py);
+        if (v < 0) continue;
         clear += v < CLEAR;
         if (clear > full + FOLDS + 2) return 0; /* whichever fold is left out */
         for (int s = 0; s <= FOLDS; s++)
@@ -121,7 +122,7 @@ static int stack_grid(ilf_mask *m, int side, int sheets, double h0, double h1, c
 static int heights(double *h0, double *h1, const job *j)
 {
     ilf_mask coarse, *only[FOLDS + 1] = {NULL, NULL, NULL, NULL, &coarse};
-    const double low = .05 * j->l->s.l.centre[2], high = .8 * j->l->s.l.centre[2];
+    const double low = .05 * lamp_ceiling(j->l, j->f), high = .8 * lamp_ceiling(j->l, j->f);
     double most = 0, weight[COARSE_SHEETS];
     int first = -1, last = -1;
 
