@@ -77,25 +77,29 @@ MODELS = {  # angle from radius, r = 1 at half
 }
 
 
-def disc(scene, w, h, cx, cy, radius, angle, *, mirror=False, rotate=0, samples=1, outside=None, window=None):
+def inside_pixels(samples, smooth):
+    """(x, y, weight) of points in a unit square: midpoints, or where nothing has an edge Gauss and Legendre's, of which two do for many."""
+    x, w = np.polynomial.legendre.leggauss(samples) if smooth else (2 * (np.arange(samples) + .5) / samples - 1, np.full(samples, 2 / samples))
+    return [((x[i] + 1) / 2, (x[j] + 1) / 2, w[i] * w[j] / 4) for i in range(samples) for j in range(samples)]
+
+
+def disc(scene, w, h, cx, cy, radius, angle, *, mirror=False, rotate=0, samples=1, smooth=False, outside=None, window=None):
     """Picture of the scene on a disc; angle: radius (0..1) -> field angle.  rotate (degrees) is what the
     picture must be turned by, counter-clockwise, to be upright.  outside: value beyond the circle (None: the
     model goes on).  window: (x0, y0, x1, y1), the part to fill."""
     x0, y0, x1, y1 = window or (0, 0, w, h)
     total = np.zeros((y1 - y0, x1 - x0, 3))
     turn = np.radians(rotate)
-    for i in range(samples):
-        for j in range(samples):
-            px = (np.arange(x0, x1) + (i + .5) / samples - cx)[None] / radius
-            py = (cy - np.arange(y0, y1) - (j + .5) / samples)[:, None] / radius
-            r = np.hypot(px, py)
-            px, py = (px * np.cos(turn) - py * np.sin(turn)), (px * np.sin(turn) + py * np.cos(turn))
-            seen = np.full(r.shape, True) if outside is None else r <= 1
-            r, t = r[seen], angle(r[seen])
-            s = np.sin(t) / np.maximum(r, 1e-300)
-            total[seen] += scene(np.stack([(1 if mirror else -1) * s * px[seen], s * py[seen], np.cos(t)], -1))
-            total[~seen] += 0 if outside is None else outside
-    return total / samples ** 2
+    for dx, dy, weight in inside_pixels(samples, smooth):
+        px, py = (np.arange(x0, x1) + dx - cx)[None] / radius, (cy - np.arange(y0, y1) - dy)[:, None] / radius
+        r = np.hypot(px, py)
+        px, py = (px * np.cos(turn) - py * np.sin(turn)), (px * np.sin(turn) + py * np.cos(turn))
+        seen = np.full(r.shape, True) if outside is None else r <= 1
+        r, t = r[seen], angle(r[seen])
+        s = np.sin(t) / np.maximum(r, 1e-300)
+        total[seen] += weight * scene(np.stack([(1 if mirror else -1) * s * px[seen], s * py[seen], np.cos(t)], -1))
+        total[~seen] += 0 if outside is None else weight * outside
+    return total
 
 
 def fisheye(scene, n, fov_deg, model="equidistant", **kw):
@@ -107,17 +111,15 @@ def ball_angle(r):
     return 2 * np.arcsin(np.clip(r, 0, 1))
 
 
-def probe(scene, w, h, polar_max_deg, samples):
+def probe(scene, w, h, polar_max_deg, samples, smooth=False):
     """Exact solid-angle means over the texels of a probe (docs/FORMAT.md, section 1.2), by samples^2 points a texel."""
     total, weight = 0, 0
-    for i in range(samples):
-        for j in range(samples):
-            y, x = np.mgrid[0:h, 0:w]
-            theta = -np.pi + (x + (i + .5) / samples) * 2 * np.pi / w
-            phi = (y + (j + .5) / samples) * np.radians(polar_max_deg) / h
-            d = np.stack([np.sin(phi) * np.cos(theta), np.sin(phi) * np.sin(theta), np.cos(phi)], -1)
-            s = np.sin(phi)[..., None]
-            total, weight = total + s * scene(d), weight + s
+    for dx, dy, share in inside_pixels(samples, smooth):
+        y, x = np.mgrid[0:h, 0:w]
+        theta, phi = -np.pi + (x + dx) * 2 * np.pi / w, (y + dy) * np.radians(polar_max_deg) / h
+        d = np.stack([np.sin(phi) * np.cos(theta), np.sin(phi) * np.sin(theta), np.cos(phi)], -1)
+        s = share * np.sin(phi)[..., None]
+        total, weight = total + s * scene(d), weight + s
     return total / weight
 
 

@@ -13,7 +13,7 @@ from fishremap_util import remap
 
 @pytest.mark.parametrize("cx, cy, r", [(300, 240, 200), (331.7, 222.4, 180.3), (300, 300, 290)])
 def test_centre_auto(tmp_path, cx, cy, r):
-    image = U.disc(U.lobes(20, 7), 600, 480, cx, cy, r, lambda q: q * np.radians(92.5), samples=3, outside=1e-4)
+    image = U.disc(U.lobes(20, 7), 600, 480, cx, cy, r, lambda q: q * np.radians(92.5), samples=2, outside=1e-4)
     U.write_exr(tmp_path / "in.exr", image)
     run("fishremap", "--lens", "equidistant", "--fov", 185, "--size", "32x16", "--centre", "auto", "--report", tmp_path / "r.json",
         "--overlay", tmp_path / "o.png", "-o", tmp_path / "o.exr", tmp_path / "in.exr")
@@ -37,8 +37,8 @@ def test_office_circle(tmp_path):
 
 
 @pytest.mark.parametrize("folder, name, centre, radius, slack", [
-    *(("mirrorball_bracket_desk_sony", f"desk_{k}.png", (405, 403), 404, 6) for k in (1, 2, 3)),   # stated to 6 pixels
-    *(("mirrorball_bracket_uiuc_lab", f"ball_1_{k}.png", (132, 132), 131, 1.31) for k in (24, 60, 120, 205)),
+    *(("mirrorball_bracket_desk_sony", f"desk_{k}.png", (405, 403), 404, 6) for k in (1, 3)),   # stated to 6 pixels
+    *(("mirrorball_bracket_uiuc_lab", f"ball_1_{k}.png", (132, 132), 131, 1.31) for k in (24, 205)),
 ])
 def test_real_mirror_balls(tmp_path, folder, name, centre, radius, slack):
     picture = shared_data(folder) / name

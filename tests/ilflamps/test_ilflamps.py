@@ -23,6 +23,7 @@ def folder(tmp_path_factory):
     rooms.make(carded(), 6, 6, 160, 80, str(d / "card.ilf.exr"))
     rooms.make(carded((YELLOW,)), 6, 6, 160, 80, str(d / "yellow.ilf.exr"))
     rooms.make(rooms.Room([]), 4, 4, 64, 32, str(d / "none.ilf.exr"))
+    rooms.make(rooms.Room([rooms.lamp(*YELLOW)]), 3, 3, 64, 32, str(d / "small.ilf.exr"))
     return d
 
 
@@ -116,6 +117,6 @@ def test_threads_change_nothing(folder, card):
     (("--rays", "x"), "--rays and --radiance go together")])
 def test_refusals(folder, args, words):
     more = [] if "--grid" in args else ["--report", folder / "x.json"]
-    r = run("ilflamps", *args, *more, folder / "card.ilf.exr", code=2)
+    r = run("ilflamps", *args, *more, folder / "small.ilf.exr", code=2)
     assert words in r.err and len(r.err.splitlines()) == 1
     assert not (folder / "x.json").exists()

@@ -4,7 +4,7 @@ import OpenEXR
 
 from conftest import BUILD, environment
 from process import execute
-from ilf_util import f32, unit, write_ilf
+from ilf_util import ILF, f32, unit, write_ilf
 from rad_util import Polygon, Sphere, material, oconv, rtrace
 from render_scene import LUMINANCE, small_room
 
@@ -42,6 +42,7 @@ def test_example_agrees_with_rtrace(tmp_path):
     """The picture's mean, and the means of 6 x 6 pixels, within 3 standard errors: of all, and of all but as many as chance has."""
     write_ilf(tmp_path / "room.ilf.exr", small_room().light_field(8, 8, 48, 24))
     ours = np.array([pathtrace(tmp_path, f"{seed}.exr", 32, seed) for seed in (1, 2)]) @ LUMINANCE
+    assert (ours[0] != ours[1]).any(), "the seed is not used"
     octree = oconv(tmp_path, SCENE, "scene")
     o, d = pixel_rays()
     copies = 4
@@ -65,10 +66,10 @@ def test_example_agrees_with_rtrace(tmp_path):
 
 
 def test_example_is_a_picture_like_any(tmp_path):
-    """The same for the same seed, another for another, and nothing in it that is no light."""
-    write_ilf(tmp_path / "room.ilf.exr", small_room().light_field(3, 3, 16, 8))
-    a, b, c = (pathtrace(tmp_path, f"{n}.exr", 1, seed) for n, seed in ((1, 5), (2, 5), (3, 6)))
-    assert (a == b).all() and (a != c).any() and np.isfinite(a).all() and (a >= 0).all()
+    """The same for the same seed, and nothing in it that is no light."""
+    write_ilf(tmp_path / "room.ilf.exr", small_room().light_field(2, 1, 12, 6))
+    a, b = (pathtrace(tmp_path, f"{n}.exr", 1, 5) for n in (1, 2))
+    assert (a == b).all() and np.isfinite(a).all() and (a >= 0).all()
 
 
 def test_example_says_what_is_wrong(tmp_path):
@@ -76,6 +77,6 @@ def test_example_says_what_is_wrong(tmp_path):
     r = execute([str(PATHTRACE), "none.exr", "out.exr"], cwd=tmp_path, capture_output=True, text=True)
     assert r.returncode == 1 and r.stderr.startswith("pathtrace: none.exr") and r.stderr.count("\n") == 1
     assert execute([str(PATHTRACE)], capture_output=True).returncode == 2
-    write_ilf(tmp_path / "room.ilf.exr", small_room().light_field(1, 1, 4, 2))
+    write_ilf(tmp_path / "room.ilf.exr", ILF(np.zeros((1, 1, 2, 4, 3))))
     r = execute([str(PATHTRACE), "room.ilf.exr", "no/such/folder.exr", "1"], cwd=tmp_path, capture_output=True, text=True)
     assert r.returncode == 1 and "no/such/folder.exr" in r.stderr
