@@ -42,7 +42,7 @@ def octree(name, a):
 
 def row(name, a):
     room = rooms.named(name)
-    one, two, report = rooms.run(room, captured(name, a), ["--geometry", octree(name, a)] if a.walls else [], rooms.Score(room, patches=8, most=3500, rest=3000))
+    one, two, report = rooms.run(room, captured(name, a), ["--geometry", octree(name, a)] if a.walls else [], rooms.Score(room, patches=6, most=3000, rest=2000))
     out = dict(room=name, lamps=int((room.bodies["lamp"] == 1).sum()) if len(room.bodies) else 0,
                taken=sum(l["fate"] == "taken out" for l in report["lamps"]), cpu_s=round(report["cpu_s"], 2))
     for k in ("up", "side", "rad", "worst"):

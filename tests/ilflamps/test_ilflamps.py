@@ -23,7 +23,7 @@ def folder(tmp_path_factory):
     rooms.make(carded(), 6, 6, 160, 80, str(d / "card.ilf.exr"))
     rooms.make(carded((YELLOW,)), 6, 6, 160, 80, str(d / "yellow.ilf.exr"))
     rooms.make(rooms.Room([]), 4, 4, 64, 32, str(d / "none.ilf.exr"))
-    rooms.make(rooms.Room([rooms.lamp(*YELLOW)]), 3, 3, 64, 32, str(d / "small.ilf.exr"))
+    rooms.make(rooms.Room([rooms.lamp(*YELLOW)]), 4, 4, 128, 64, str(d / "bare.ilf.exr"))
     return d
 
 
@@ -108,6 +108,54 @@ def test_threads_change_nothing(folder, card):
     assert np.array_equal(texels(folder / "t1.ilf.exr"), texels(folder / "t3.ilf.exr"))
 
 
+SUN = rooms.Room([rooms.body(rooms.SUN, rooms.unit((.5, .3, .8)), (4e4, 4e4, 3.5e4), r=.01, lamp=1),
+                  rooms.card((.6, .3, .9), (.25, 0, 0), (0, .2, 0), GREY)], lo=(-30, -30, -.001), hi=(30, 30, 30))
+# A card whose edge falls between two rows of probes: a beam's edge would fit what they measured as well, anywhere between them.
+EDGE = rooms.Room([rooms.lamp((.2, 1.9, 2.2), .045, (8000, 8000, 8000)), rooms.tilted((.2, 1.9, 2.2), (0, -.2), 1.3, .3, .2, 10, 0, 0, GREY)])
+# Of a lamp behind a card only some probes in a corner see anything, two of them all.
+CORNER = rooms.Room([rooms.lamp((-1.1, -1.6, 2.3), .06, (5000, 6000, 9000)),
+                     rooms.tilted((-1.1, -1.6, 2.3), (-.1, .1), 1.1, .33, .3, 12, 30, 10, (.4, .35, .3))])
+
+
+@pytest.mark.parametrize("room, height", [(EDGE, 1.28), pytest.param(SUN, .9, marks=pytest.mark.sweep)], ids=["edge", "sun"])
+def test_what_is_seen_in_the_pictures_is_believed(folder, room, height):
+    """Rows alone said "gate" (as probes on both sides of an edge can't tell where it runs), and no sheet was looked for below a lamp at
+    infinity, whose height has no end."""
+    rooms.make(room, 6, 6, 128, 64, str(folder / "seen.ilf.exr"))
+    run("ilflamps", "--report", folder / "seen.json", folder / "seen.ilf.exr")
+    lamp, = json.loads((folder / "seen.json").read_text())["lamps"]
+    assert lamp["fate"] == "taken out" and lamp["model"].startswith("sheet") and lamp["height"] == pytest.approx(height, abs=.04)
+
+
+@pytest.mark.sweep
+def test_a_spotlight_that_few_probes_see(folder):
+    "Shares were even, rows were not: hypotheses were asked without pictures (a crash)."
+    spot = rooms.Room([rooms.panel((-.9, .5, 2.6), (.15, 0, 0), (0, .15, 0), (8000, 8000, 7000), gate=1, focus=0., gx=.05, gy=-.05, gr=.4, soft=.03)])
+    rooms.make(spot, 6, 6, 128, 64, str(folder / "spot.ilf.exr"))
+    run("ilflamps", "--report", folder / "spot.json", folder / "spot.ilf.exr")
+    assert "gate" in json.loads((folder / "spot.json").read_text())["lamps"][0]["model"]
+
+
+@pytest.mark.sweep
+def test_a_lamp_that_two_probes_see_whole(folder):
+    rooms.make(CORNER, 8, 8, 256, 128, str(folder / "corner.ilf.exr"))
+    run("ilflamps", "--report", folder / "corner.json", folder / "corner.ilf.exr")
+    lamp, = json.loads((folder / "corner.json").read_text())["lamps"]
+    assert lamp["shape"] == "sphere" and lamp["radius"] == pytest.approx(.06, rel=.02)
+    assert np.linalg.norm(np.subtract(lamp["position"], (-1.1, -1.6, 2.3))) < .01
+
+
+@pytest.mark.sweep
+def test_dark_twigs_before_dark_walls(folder):
+    "Where a wall is as dark as a twig, that probe's picture says nothing about it; it counted as clear, and twigs went missing."
+    lamp = ((1.3, .7, 2.4), .05, (9000, 8000, 6000))
+    branch = rooms.Room([rooms.lamp(*lamp)] + rooms.twigs(rooms.R(21), 60), bright=.45)
+    rooms.make(branch, 8, 8, 256, 128, str(folder / "twigs.ilf.exr"))
+    one, two, report = rooms.run(branch, str(folder / "twigs.ilf.exr"), [], rooms.Score(branch, patches=5, most=3000, rest=2000))
+    for z in one:
+        assert two[z]["up"] < one[z]["up"] / 2.5, (one, two)
+
+
 @pytest.mark.parametrize("args, words", [
     (("--lamps", "some"), "--lamps: expected keep, auto or a number"),
     (("--max-width", "0"), "--max-width: expected more than 0"),
@@ -117,6 +165,6 @@ def test_threads_change_nothing(folder, card):
     (("--rays", "x"), "--rays and --radiance go together")])
 def test_refusals(folder, args, words):
     more = [] if "--grid" in args else ["--report", folder / "x.json"]
-    r = run("ilflamps", *args, *more, folder / "small.ilf.exr", code=2)
+    r = run("ilflamps", *args, *more, folder / "bare.ilf.exr", code=2)
     assert words in r.err and len(r.err.splitlines()) == 1
     assert not (folder / "x.json").exists()

@@ -15,12 +15,17 @@
 #include "smooth.h"
 #include "vec.h"
 
-enum { ROUNDS = 3, FEW = 6 };
+enum { ROUNDS = 2, FEW = 6 };
 #define ABRUPT    .6    /* of the light: more between two probes says nothing about where */
 #define HELPS     0.9   /* a further mask must bring the error below this part of what it was */
 #define STRICT    .4    /* part of the error that a beam or gate may leave */
 #define REMAINDER .9    /* the measurements' own scatter must not come back as a remainder */
 #define NEAR_TIE  1.25  /* of the least error: models that saw the occluder win */
+#define BELIEVED  .6    /* of interpolation's error: more is no explanation, and goes wrong above the plane */
+#define ONE_SHEET .7    /* the same for a single sheet whose outline the pictures show */
+#define CLOSE     .05   /* error that is believed if it beats interpolation at all */
+#define HOPELESS  .85   /* of interpolation's error: after a first mask, a second one won't do */
+#define VAGUE     .1    /* error of interpolation that is no picture of what hides */
 #define CERTAIN   0.02  /* error that needs no further mask */
 #define STEADY    0.012 /* scatter of the shares about 1 of a lamp that nothing hides */
 #define WIDE      (3.0) /* texels: a lamp not wider loses nothing by one share for all of it */
@@ -134,10 +139,11 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
     return bad ? -1 : 0;
 }
 
-static int chain(model *base, const lamp *l, const lightfield *f, const pictures *pics)
+static int chain(model *base, const lamp *l, const lightfield *f, const pictures *pics, double interpolation)
 {
     for (int round = 0; round < ROUNDS && base->error > enough(l); round++) {
         model next;
+        if (round && model_doubt(base) > HOPELESS * interpolation) break;
         int last, r = one_more(&next, &last, base, l, f, pics);
         if (r < 0) return -1;
         if (r > 0) break;
@@ -165,6 +171,15 @@ static int remainder_too(model *base, const lamp *l, const lightfield *f)
         say(base, "remainder");
     } else model_free(&more);
     return 0;
+}
+
+/* Whether the masks tell so much more than interpolation that they may be trusted where no probe stands. */
+static int explains(const model *m, double interpolation)
+{
+    const int sheet = m->n == 1 && m->saw && m->m[ALL][0].kind == ILF_MASK_LAYER;
+
+    return m->error < fmax(CLOSE, (sheet ? ONE_SHEET : BELIEVED) * interpolation) &&
+           m->error < HELPS * interpolation;
 }
 
 static int take_masks(lamp *l, const model *m)
@@ -225,10 +240,12 @@ int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e
     say(&plain, "interpolation");
     it->fate = TAKEN;
     const double alone = it->best.error;
-    if (alone > STEADY && (chain(&it->best, l, f, pics) || remainder_too(&it->best, l, f))) goto memory;
+    if (alone > STEADY && (chain(&it->best, l, f, pics, plain.error) || remainder_too(&it->best, l, f)))
+        goto memory;
     it->best.error = model_doubt(&it->best);
-    if (alone > STEADY && it->best.error >= HELPS * it->interpolation) {
-        if (texels > WIDE || plain.error * part_of_light(l, f) > HARMLESS) it->fate = UNEXPLAINED;
+    if (alone > STEADY && !explains(&it->best, it->interpolation)) {
+        if (texels > WIDE || plain.error > VAGUE || plain.error * part_of_light(l, f) > HARMLESS)
+            it->fate = UNEXPLAINED;
         model_free(&it->best);
         it->best = plain;
     } else model_free(&plain);
