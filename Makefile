@@ -231,8 +231,8 @@ endef
 $(foreach t,$(patsubst tests/%/parts.c,%,$(wildcard tests/*/parts.c)),$(eval $(call parts_rule,$(t))))
 
 TEST_ARGS ?=
-# files of tests side by side
-TEST_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
+# files of tests side by side: one more than processors, since stagectl's wait for their stages most of the time
+TEST_JOBS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n + 1)))
 test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder tests $(TEST_ARGS)
 
