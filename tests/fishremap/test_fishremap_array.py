@@ -394,8 +394,8 @@ def virtual(tmp_path_factory):
     (f / "times.txt").write_text("".join(f"{name} {8 * 4. ** -k}\n" for k, name in enumerate(names)))
     run("hdrgen", "--response", "srgb", "--times", "times.txt", "-o", "array.exr", *names, cwd=f)
     for i, j in POSITIONS:
-        sky = run("rpict", "-vta", "-vp", i - 5.5, j - 5.5, 0, "-vd", 0, 0, 1, "-vu", 0, 1, 0, "-vh", 180, "-vv", 180, "-x", 800, "-y", 800,
-                  "-ps", 2, "-pt", .02, *RENDER, "room.oct", cwd=f).out
+        sky = run("rpict", "-vta", "-vp", i - 5.5, j - 5.5, 0, "-vd", 0, 0, 1, "-vu", 0, 1, 0, "-vh", 180, "-vv", 180, "-x", 1600, "-y", 1600,
+                  "-ps", 4, "-pt", .02, *RENDER, "room.oct", cwd=f).out
         (f / f"sky_{i}_{j}.hdr").write_bytes(sky)
     return f, camera, photo
 
@@ -433,6 +433,7 @@ def seen_through_lobes(probe):
 BANDS = ((0, 40), (40, 70), (81, 90))
 
 
+@functools.cache
 def sky(f, i, j, w=96, h=48):
     run("fishremap", "--lens", "equidistant", "--fov", 180, "--size", f"{w}x{h}", "-o", f / "sky.exr", f / f"sky_{i}_{j}.hdr")
     return U.read_exr(f / "sky.exr")[0][..., :3]
