@@ -105,7 +105,7 @@ def make(folder):
     U.write_exr(folder / "panorama.exr", scene(np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], -1)))
     run("fishremap", "--quiet", "--from", "latlong", "--to", "latlong", "--size", "128x64", "-o", "panorama.hdr", "panorama.exr", cwd=folder)
     write_lamps(folder)
-    U.write_exr(folder / "spheres.exr", photograph(U.lobes(count=3, sharpest=2), 12, 12, radius=20.)[0])
+    U.write_exr(folder / "spheres.exr", photograph(U.lobes(count=3, sharpest=2), 12, 12, radius=15.)[0])
     write_probes(folder)
     (folder / "rays.txt").write_text("".join(f"{x} {x} 0  {x} 0 1  {2 * x} {x} 1\n" for x in (.1, .2, .3)))
     write_scene(folder)

@@ -15,10 +15,10 @@ from process import execute
 PAGES = sorted([*(TOP / "man").glob("*.1"), TOP / "man" / "ilf.7"])
 
 # In front of the commands.  A whole capture is another test's (tests/stagectl/test_stagectl_chain.py): here its rules are read, and
-# pictures are small.
+# pictures are small and coarse.
 SHELL = f"""
 make() {{ case "$*" in *CAPTURE=*) command make -n -C {TOP} BUILD={BUILD} "$@" >made 2>&1 || {{ cat made >&2; return 1; }};; *) command make -C {TOP} "$@";; esac; }}
-rpict() {{ command rpict "${{@:1:$#-1}}" -x 48 -y 36 "${{@: -1}}"; }}
+rpict() {{ command rpict "${{@:1:$#-1}}" -x 24 -y 18 -ad 32 -as 8 "${{@: -1}}"; }}
 """
 
 

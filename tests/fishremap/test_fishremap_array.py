@@ -433,6 +433,7 @@ def seen_through_lobes(probe):
 BANDS = ((0, 40), (40, 70), (81, 90))
 
 
+@functools.cache
 def sky(f, i, j, w=96, h=48):
     run("fishremap", "--lens", "equidistant", "--fov", 180, "--size", f"{w}x{h}", "-o", f / "sky.exr", f / f"sky_{i}_{j}.hdr")
     return U.read_exr(f / "sky.exr")[0][..., :3]

@@ -14,19 +14,30 @@ TIMES = 4.0 ** np.arange(-5, 2)
 LAMPS = [(80.3, 60.7, 4.2, 300), (240.6, 180.2, 3.1, 800), (150.1, 200.8, 2.6, 500)]   # x, y, radius, radiance
 
 
-def light(x, y, seed=4):
-    """Radiance at places in pixels: three decades of waves, boxes with hard edges, lamps; tinted."""
+def light(turn, middle, dx, dy, seed=4):
+    """Radiance at the places middle + turn @ (dx, dy), in pixels, of a grid of columns and rows: three decades of waves, boxes with
+    hard edges, lamps; tinted."""
     rng = np.random.default_rng(seed)
-    v = np.zeros(x.shape)
+    waves = []
     for _ in range(30):
         a = rng.normal(size=2) * 2 * np.pi * rng.uniform(.5, 8) / W
-        v += np.cos(a[0] * x + a[1] * y + rng.uniform(0, 6.28)) / 4
+        waves.append((*(a @ turn), a @ middle + rng.uniform(0, 6.28)))
+    a, b, c = (np.array(k)[:, None] for k in zip(*waves))
+    v = (np.exp(1j * (b * dy + c)).T @ np.exp(1j * a * dx)).real / 4       # a sum of cosines
+
+    def around(px, py, s):
+        """The part of the grid that holds all places less than s from there along x and y, and how far its places are."""
+        at = turn.T @ (np.array([px, py]) - middle)
+        j, i = (slice(*np.searchsorted(d, (at[k] - 1.5 * s, at[k] + 1.5 * s))) for d, k in ((dy, 1), (dx, 0)))
+        return (j, i), *(turn[k, 0] * (dx[i] - at[0]) + turn[k, 1] * (dy[j, None] - at[1]) for k in (0, 1))
     for _ in range(25):
         bx, by, s = rng.uniform(-40, W + 40), rng.uniform(-40, H + 40), rng.uniform(5, 30)
-        v += rng.uniform(-1, 1) * ((abs(x - bx) < s) & (abs(y - by) < s))
+        part, x, y = around(bx, by, s)
+        v[part] += rng.uniform(-1, 1) * ((abs(x) < s) & (abs(y) < s))
     grey = 10 ** (-1.2 + 0.6 * v)
     for lx, ly, r, value in LAMPS:
-        grey = np.where((x - lx) ** 2 + (y - ly) ** 2 < r * r, value, grey)
+        part, x, y = around(lx, ly, r)
+        grey[part] = np.where(x ** 2 + y ** 2 < r * r, value, grey[part])
     return grey[..., None] * np.array([1.1, 1, .8])
 
 
@@ -37,13 +48,11 @@ def seen(m):
 @lru_cache(maxsize=64)
 def _seen(m):
     """What a camera sees that has moved by m = (degrees about the picture's middle, dx, dy)."""
-    a, cx, cy = np.radians(m[0]), W / 2, H / 2
-    total = 0
+    a, middle = np.radians(m[0]), np.array([W / 2, H / 2])
+    turn, total = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]), 0
     for sy in (np.arange(3) + .5) / 3:
         for sx in (np.arange(3) + .5) / 3:
-            y, x = np.mgrid[0:H, 0:W] + np.array([sy, sx]).reshape(2, 1, 1)
-            total = total + light(cx + np.cos(a) * (x - cx) - np.sin(a) * (y - cy) + m[1],
-                                  cy + np.sin(a) * (x - cx) + np.cos(a) * (y - cy) + m[2])
+            total = total + light(turn, middle + m[1:], np.arange(W) + sx - middle[0], np.arange(H) + sy - middle[1])
     return total / 9
 
 

@@ -192,7 +192,7 @@ def test_ilftrace_agrees(tmp_path, case, depth):
     rng = np.random.default_rng(sum(case.encode()))
     f = random_ilf(rng, n_u, n_v, n_theta, n_phi, kind, half)
     path = write_ilf(tmp_path / "f.ilf.exr", f, half)
-    o, d, h = rays(rng, f, 20000)
+    o, d, h = rays(rng, f, 8000)
     expected = f.eval(o, d, h, depth)
     assert 0.4 < (expected > 0).all(1).mean() < 0.6       # half of the rays come from below
     assert_same(trace(path, o, d, h, depth), expected)

@@ -250,13 +250,13 @@ def test_no_direction_with_excess_is_missed(files, name, aux):
     rng = np.random.default_rng(20)
     threshold, patches = info(files[name], *options)
     assert patches > 0
-    # the map of a point costs most: 48 points anywhere that see light, and a few spots, each with many directions; the sweep below
+    # the map of a point costs most: 32 points anywhere that see light, and a few spots, each with many directions; the sweep below
     # takes 100,000 points
     x, d = aimed_rays(rng, f, aux, 2000)
-    seen = np.flatnonzero(excess(f, aux, x, d, threshold) > 1e-4 * threshold)[:48]
+    seen = np.flatnonzero(excess(f, aux, x, d, threshold) > 1e-4 * threshold)[:32]
     assert len(seen) > 30, "the rays miss what is tested"
-    near = around(rng, np.repeat(x[seen], 64, 0), np.repeat(d[seen], 64, 0))
-    x, d = (np.concatenate(a) for a in zip((x[seen], d[seen]), near, aimed_rays(rng, f, aux, 12000, spots=8)))
+    near = around(rng, np.repeat(x[seen], 96, 0), np.repeat(d[seen], 96, 0))
+    x, d = (np.concatenate(a) for a in zip((x[seen], d[seen]), near, aimed_rays(rng, f, aux, 12000, spots=6)))
     e = excess(f, aux, x, d, threshold)
     lit = e > 1e-4 * threshold
     assert lit.sum() > 200, "the rays miss what is tested"
