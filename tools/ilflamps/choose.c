@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "gradient.h"
 #include "layers.h"
 #include "smooth.h"
 #include "vec.h"
@@ -38,11 +39,8 @@ static const struct {
     const char *name;
     int last;   /* nothing is added after it */
     int strict; /* a form that fits or doesn't: half-way is not it */
-} TABLE[] = {{smooth_beam, "beam", 0, 1},
-             {smooth_gate, "gate", 0, 1},
-             {layers_sheet, "sheet", 0, 0},
-             {layers_stack, "stack", 0, 0},
-             {smooth_process, "smooth", 1, 0}};
+} TABLE[] = {{gradient_mask, "lens", 0, 1}, {smooth_beam, "beam", 0, 1},   {smooth_gate, "gate", 0, 1},
+             {layers_sheet, "sheet", 0, 0}, {layers_stack, "stack", 0, 0}, {smooth_process, "smooth", 1, 0}};
 enum { KINDS = sizeof TABLE / sizeof *TABLE };
 
 static void say(model *m, const char *name)
