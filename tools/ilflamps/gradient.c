@@ -13,14 +13,15 @@
 
 #include "vec.h"
 
-enum { MOST_PATCHES = 48, HEIGHTS = 36, CELLS = 128, SIDE = 61 };
+enum { MOST_PATCHES = 48, HEIGHTS = 36, CELLS = 128, SIDE = 61, TO_BEGIN = 14 };
 #define DIM      .08 /* of the largest G: darker directions say nothing about where the lens is */
 #define LIT      .5  /* L/G of a ray that meets it */
 #define FAINT    .05 /* of the brightest spot: probes that see less are not asked */
 #define STIFF    .1  /* weight of a texel's neighbours in G, of one texel's own */
 #define EMPTY    .003
-#define LEAST    4. /* texels: narrower lamps have no face that could be seen */
-#define GOOD_FIT .2 /* rms misfit of a lens */
+#define LOW      .05 /* d_z: rays lower than this cross no height */
+#define LEAST    4.  /* texels: narrower lamps have no face that could be seen */
+#define GOOD_FIT .2  /* rms misfit of a lens */
 
 typedef struct lens {
     const lightfield *f;
@@ -166,6 +167,7 @@ static void cross(crossing *c, const lens *g, double h, const double at[3], doub
             double d[3];
             if (g->G[t] < DIM * top) continue;
             lf_direction(d, f, t % f->nt + .5, t / f->nt + .5);
+            if (d[2] < LOW) continue;
             const double *o = f->pos[g->p[i].probe], v = fmax(0, fmin(1, g->p[i].lum[j] / g->G[t]));
             const double x = (o[0] + h / d[2] * d[0] - c->x0) / c->cell,
                          y = (o[1] + h / d[2] * d[1] - c->y0) / c->cell;
@@ -228,8 +230,8 @@ static int place(double at[3], double cov[3][3], const lens *g, const centre *c)
     return r;
 }
 
-/* Colour and radiance from G's largest. */
-static void shine(shape *s, const lens *g)
+/* Colour and radiance from G's largest; 1 if no probe sees it. */
+static int shine(shape *s, const lens *g)
 {
     double flux[3] = {0, 0, 0};
 
@@ -243,6 +245,17 @@ static void shine(shape *s, const lens *g)
         }
     const double lum = .265 * flux[0] + .67 * flux[1] + .065 * flux[2];
     for (int c = 0; c < 3; c++) s->l.rgb[c] = (float)(flux[c] / lum * s->radiance);
+    return !(lum > 0);
+}
+
+/* A body from nothing: all kinds are tried, on some of the patches. */
+static int begin(shape *s, const lens *g, const double at[3], const double cov[3][3])
+{
+    patch few[TO_BEGIN];
+    const int n = g->n < TO_BEGIN ? g->n : TO_BEGIN;
+
+    for (int i = 0; i < n; i++) few[i] = g->p[i * g->n / n]; /* borrowed */
+    return shape_fit_lens(s, at, cov, few, n, g->f);
 }
 
 /* Body and G in turns. */
@@ -252,17 +265,18 @@ static int in_turns(shape *s, lens *g, const centre *c, int number, const blobli
     int r = place(at, cov, g, c);
 
     if (r) return r;
-    if (set_gains(g) || shape_fit_lens(s, at, cov, g->p, g->n, g->f)) return -1;
+    if (set_gains(g) || begin(s, g, at, cov)) return -1;
     for (int turn = 0; turn < 3; turn++) {
         memcpy(at, s->l.centre, sizeof at);
-        if (at[2] <= 0 || gather(g, at, 0, &s->l, number, list) || g->n < 3) return g->n < 3 ? 1 : -1;
+        if (!(at[2] > 0)) return 1;
+        if (gather(g, at, 0, &s->l, number, list)) return -1;
+        if (g->n < 3) return 1;
         drop_gains(g);
         covered_mean(g, &s->l);
         if (turn < 2 && (set_gains(g) || shape_fit_lens(s, at, NULL, g->p, g->n, g->f))) return -1;
     }
-    shine(s, g);
     s->lens = 1;
-    return s->misfit > GOOD_FIT;
+    return shine(s, g) || !(s->misfit <= GOOD_FIT);
 }
 
 int gradient_fit(shape *s, const centre *c, int number, const bloblist *list, const lightfield *f,
@@ -338,7 +352,7 @@ static void span(double lo[2], double hi[2], const double *den, const lightfield
         double d[3];
         if (den[k] <= .2) continue;
         lf_direction(d, f, k % f->nt + .5, k / f->nt + .5);
-        for (int a = 0; a < 2; a++)
+        for (int a = 0; a < 2 && d[2] >= LOW; a++)
             lo[a] = fmin(lo[a], d[a] / d[2] - f->dp), hi[a] = fmax(hi[a], d[a] / d[2] + f->dp);
     }
 }
