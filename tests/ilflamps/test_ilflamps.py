@@ -137,6 +137,31 @@ def test_a_spotlight_that_few_probes_see(folder):
     assert lamp["error_of_interpolation"] > .1                           # they were asked
 
 
+def lens(c, aim, half, turn, k, L):
+    "a theatre spotlight: a square lens that looks at a place; its radiance is cos^k of the direction"
+    n, t = rooms.unit(np.subtract(aim, c)), np.radians(turn)
+    u = rooms.unit(np.cross(n, [0, 0, 1])); v = np.cross(n, u)
+    return rooms.panel(c, (u * np.cos(t) + v * np.sin(t)) * half, (v * np.cos(t) - u * np.sin(t)) * half, L, axis=n, k=k)
+
+
+@pytest.mark.parametrize("spot, gain", [
+    (((-.9, .2, 1.6), (.05, 0, 0), .17, 20, 90., (620, 400, 130)), 4),
+    pytest.param(((1, .3, 1.9), (-.1, .1, 0), .2, 0, 60., (150, 270, 560)), 1.2, marks=pytest.mark.sweep)], ids=["narrow", "broad"])
+def test_a_wide_lens_with_a_beam(folder, spot, gain):
+    "The gradient over the lens moved its middle as if it hung half as high again, and no even body looked like it."
+    at, _, half, _, _, rgb = spot
+    room = rooms.Room([lens(*spot)])
+    rooms.make(room, 6, 6, 128, 64, str(folder / "lens.ilf.exr"))
+    one, two, report = rooms.run(room, str(folder / "lens.ilf.exr"), [], rooms.Score(room, patches=3, most=3000, rest=2000))
+    lamp, = report["lamps"]
+    assert lamp["fate"] == "taken out" and lamp["shape"] == "rectangle"
+    assert np.linalg.norm(np.subtract(lamp["position"], at)) < .04
+    assert [np.linalg.norm(lamp[k]) for k in "ab"] == pytest.approx([half, half], rel=.08)
+    assert lamp["radiance"] == pytest.approx(rgb, rel=.05)
+    for z in one:
+        assert two[z]["up"] < one[z]["up"] / gain and two[z]["side"] < one[z]["side"] / gain and two[z]["rad"] < 5, (one, two)
+
+
 @pytest.mark.sweep
 def test_a_lamp_that_two_probes_see_whole(folder):
     rooms.make(CORNER, 8, 8, 256, 128, str(folder / "corner.ilf.exr"))

@@ -9,11 +9,14 @@
 #include <time.h>
 
 #include "choose.h"
+#include "gradient.h"
 #include "pictures.h"
 
 #define OVER        15.0 /* bright spots: times the probe's median luminance */
 #define MISFIT      .1   /* rms; a lamp whose spots look like no body that we know stays in the field */
 #define MISFIT_WIDE .2   /* of lamps of many texels, whose light is less even */
+#define LENS_FITS   .6   /* of an even body's misfit: a lens must look so much more like it */
+#define LENS_WIDER  1.5 /* lenses may look so much wider than other lamps: their light is in few directions */
 
 static double typical(const lightfield *f)
 {
@@ -34,6 +37,20 @@ static double wide_spots(const bloblist *l, int number)
     return n ? sum / n : 0;
 }
 
+/* An even body, or where that looks wrong a lens, if it looks much more like it. */
+static int body_of(found *it, const bloblist *list, const centre *c, int number, const analysis *a,
+                   double limit)
+{
+    const int r = shape_fit(&it->l.s, c, number, list, &a->f, limit);
+    shape lens = {0};
+
+    if (r < 0 || (!r && it->l.s.misfit < MISFIT)) return r;
+    const int other = gradient_fit(&lens, c, number, list, &a->f, limit);
+    if (other || (!r && lens.misfit > LENS_FITS * it->l.s.misfit)) return other < 0 ? -1 : r;
+    it->l.s = lens;
+    return 0;
+}
+
 static int shapes(analysis *a, const bloblist *list, const centre *c, int n, double limit, const plan *p,
                   errmsg *e)
 {
@@ -46,16 +63,16 @@ static int shapes(analysis *a, const bloblist *list, const centre *c, int n, dou
             a->n++;
             continue;
         }
-        const int r = shape_fit(&it->l.s, &c[i], i, list, &a->f, limit);
+        const double most = wide_spots(list, i) > 6 * a->f.dp ? MISFIT_WIDE : MISFIT;
+        const int r = body_of(it, list, &c[i], i, a, limit);
         if (r < 0) return err_set(e, "no memory for a lamp's shape");
         it->l.c = c[i];
         a->n++;
-        it->fate = r > 0 || it->l.s.misfit > (wide_spots(list, i) > 6 * a->f.dp ? MISFIT_WIDE : MISFIT)
-                       ? SHAPELESS
-                       : TAKEN;
+        it->fate = r > 0 || it->l.s.misfit > most ? SHAPELESS : TAKEN;
         if (r > 0) continue;
         if (lamp_measure(&it->l, &a->f, limit, e)) return -1;
-        if (it->fate == TAKEN && it->l.width > p->max_width) it->fate = TOO_WIDE;
+        if (it->fate == TAKEN && it->l.width > p->max_width * (it->l.s.lens ? LENS_WIDER : 1))
+            it->fate = TOO_WIDE;
     }
     return 0;
 }

@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "gradient.h"
 #include "layers.h"
 #include "smooth.h"
 #include "vec.h"
@@ -19,6 +20,7 @@ enum { ROUNDS = 2, FEW = 6 };
 #define ABRUPT    .6    /* of the light: more between two probes says nothing about where */
 #define HELPS     0.9   /* a further mask must bring the error below this part of what it was */
 #define STRICT    .4    /* part of the error that a beam or gate may leave */
+#define SETTLED   .06   /* part of the error of a bare lens: what its beam leaves is nothing that hides it */
 #define REMAINDER .9    /* the measurements' own scatter must not come back as a remainder */
 #define NEAR_TIE  1.25  /* of the least error: models that saw the occluder win */
 #define BELIEVED  .6    /* of interpolation's error: more is no explanation, and goes wrong above the plane */
@@ -38,11 +40,8 @@ static const struct {
     const char *name;
     int last;   /* nothing is added after it */
     int strict; /* a form that fits or doesn't: half-way is not it */
-} TABLE[] = {{smooth_beam, "beam", 0, 1},
-             {smooth_gate, "gate", 0, 1},
-             {layers_sheet, "sheet", 0, 0},
-             {layers_stack, "stack", 0, 0},
-             {smooth_process, "smooth", 1, 0}};
+} TABLE[] = {{gradient_mask, "lens", 0, 1}, {smooth_beam, "beam", 0, 1},   {smooth_gate, "gate", 0, 1},
+             {layers_sheet, "sheet", 0, 0}, {layers_stack, "stack", 0, 0}, {smooth_process, "smooth", 1, 0}};
 enum { KINDS = sizeof TABLE / sizeof *TABLE };
 
 static void say(model *m, const char *name)
@@ -108,6 +107,12 @@ static double unresolved(const model *base, int few, const lamp *l, const lightf
     return sqrt(.25 * part * (few && n > FEW ? (double)FEW / n : 1));
 }
 
+/* A lens whose light is as good as explained. */
+static int settled(const model *m, const model *base, const lamp *l)
+{
+    return l->s.lens && model_doubt(m) < SETTLED * base->error;
+}
+
 /* One more mask: the best of all kinds (in the table's order, until one is good enough) goes to *best; *last
  * if nothing should follow it. */
 static int one_more(model *best, int *last, const model *base, const lamp *l, const lightfield *f,
@@ -120,6 +125,7 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
     for (int k = 0; k < KINDS; k++) {
         ok[k] = 0, memset(&m[k], 0, sizeof m[k]);
         if ((pick >= 0 && model_doubt(&m[pick]) < goal) || (TABLE[k].strict && base->shaped)) continue;
+        if (pick >= 0 && !TABLE[k].strict && settled(&m[pick], base, l)) continue;
         bad |= model_copy(&m[k], base);
         const int r = bad ? -1 : TABLE[k].fit(&m[k], l, f, pics);
         if (r == 0 && !m[k].saw) m[k].blind = fmax(m[k].blind, blind[TABLE[k].strict]);
@@ -134,6 +140,7 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
         if (k != pick) model_free(&m[k]);
     if (pick < 0) return bad ? -1 : 1;
     *best = m[pick], *last = TABLE[pick].last;
+    if (settled(best, base, l)) *last = 1;
     best->shaped |= TABLE[pick].strict;
     say(best, TABLE[pick].name);
     return bad ? -1 : 0;

@@ -99,7 +99,7 @@ int patch_make(patch *p, const lightfield *f, int probe, const double centre[3],
 
 void patch_free(patch *p)
 {
-    free(p->at), free(p->lum);
+    free(p->at), free(p->lum), free(p->gain);
     memset(p, 0, sizeof *p);
 }
 
@@ -134,6 +134,6 @@ void patch_cover(patch *p, const lightfield *f, const ilf_luminaire *l, int S)
                 all += s;
             }
         }
-        p->cover[i] = sum / all;
+        p->cover[i] = sum / all * (p->gain ? p->gain[i] : 1);
     }
 }

@@ -13,6 +13,7 @@ typedef struct patch {
     double *lum;    /* their luminance less the ring's */
     double *sr;     /* solid angles */
     double *cover;  /* part covered by the lamp, by patch_cover */
+    double *gain;   /* cover is multiplied by it: a lens' own picture; NULL: even */
     double ring[3]; /* R G B of what surrounds the lamp */
     double ring_lum;
 } patch;

@@ -420,3 +420,40 @@ int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const
     for (int i = 0; i < w.n; i++) patch_free(&patches[i]);
     return bad ? -1 : w.texels ? 0 : 1;
 }
+
+/* A trial that begins with a body. */
+static void trial_of(trial *t, const ilf_luminaire *l)
+{
+    const int ball = l->shape == ILF_SPHERE;
+    double x[3] = {1, 0, 0}, y[3] = {0, 1, 0};
+
+    memset(t, 0, sizeof *t);
+    t->shape = l->shape, t->active = ball ? 0xf : 0xff;
+    memcpy(t->p, l->centre, sizeof l->centre);
+    t->p[3] = log(ball ? l->radius : v_len(l->a)), t->p[4] = ball ? 0 : log(v_len(l->b));
+    if (!ball) memcpy(x, l->a, sizeof x), memcpy(y, l->b, sizeof y);
+    v_unit(x), v_unit(y);
+    memcpy(t->base[0], x, sizeof x), memcpy(t->base[1], y, sizeof y), v_cross(t->base[2], x, y);
+}
+
+int shape_fit_lens(shape *s, const double at[3], const double cov[3][3], patch *p, int n, const lightfield *f)
+{
+    work w = {.f = f, .p = p, .n = n, .S = cov ? 3 : 6};
+    trial t[16];
+    int best = -1, many = 1, bad = 0;
+    double towards[3] = {f->len_u / 2, f->len_v / 2, 0};
+
+    for (int i = 0; i < n; i++) w.texels += p[i].n;
+    v_sub(towards, towards, at);
+    w.unit = .25 * v_unit(towards) * f->dp;
+    if (cov) many = trials(t, at, cov, towards, 0);
+    else trial_of(&t[0], &s->l);
+    for (int k = 0; k < many && !bad; k++) {
+        if (t[k].shape == ILF_TUBE) continue;
+        bad = fit(&t[k], &w);
+        if (best < 0 || t[k].misfit < .98 * t[best].misfit) best = k;
+    }
+    body(&s->l, &t[best]);
+    s->misfit = sqrt(t[best].misfit / n), s->full = n;
+    return bad;
+}

@@ -14,10 +14,16 @@ typedef struct shape {
     double misfit;         /* rms of texels' misfit over their rms, over the probes that see all of it */
     int full;              /* probes that see all of it */
     double sigma_radiance; /* relative standard error */
+    int lens;              /* its radiance depends on the direction; radiance is the largest (gradient.h) */
 } shape;
 
 /* Fit lamp number `number`.  Returns 0; 1 where it can't be told (too few probes see it whole); -1 without
  * memory. */
 int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const lightfield *f, double limit);
+
+/* Fit its body to patches that bring their own gain, lying about `at` with covariance cov (cov NULL: go on
+ * from s->l).  Sets l but its radiance, misfit, full.  Returns 0, or -1 without memory. */
+int shape_fit_lens(shape *s, const double at[3], const double cov[3][3], patch *p, int n,
+                   const lightfield *f);
 
 #endif
