@@ -231,8 +231,8 @@ endef
 $(foreach t,$(patsubst tests/%/parts.c,%,$(wildcard tests/*/parts.c)),$(eval $(call parts_rule,$(t))))
 
 TEST_ARGS ?=
-# files of tests side by side
-TEST_JOBS ?= $(shell nproc 2>/dev/null || echo 2)
+# files of tests side by side: one more than processors, for some mostly wait for a stage
+TEST_JOBS ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
 test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder tests $(TEST_ARGS)
 
