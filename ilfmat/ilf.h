@@ -203,11 +203,11 @@ typedef struct ilf_ball {
 } ilf_ball;
 
 typedef struct ilf_patches_spec {
-    ilf_mode mode;         /* as lookups will use */
-    ilf_hit_fn *hit;       /* for ILF_DEPTH, while the list is made; NULL: the light is infinitely far away */
-    void *context;         /* for hit */
-    double threshold;      /* T, as of ilf_luminance; 0: 3 times the mean of what the field has above 0 */
-    double cube;           /* edge of the cubes of space that share a slice; 0: from the probes' pitch */
+    ilf_mode mode;    /* as lookups will use */
+    ilf_hit_fn *hit;  /* for ILF_DEPTH, while the list is made; NULL: the light is infinitely far away */
+    void *context;    /* for hit */
+    double threshold; /* T, as of ilf_luminance; 0: 3 times the mean of what field and lamps have above 0 */
+    double cube;      /* edge of the cubes of space that share a slice; 0: from the probes' pitch */
     const ilf_ball *balls; /* copied; if more than 64 of them see lamps, glints are left to blind rays */
     int n_balls;
 } ilf_patches_spec;

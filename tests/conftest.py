@@ -35,9 +35,10 @@ def pytest_configure(config):
     config.addinivalue_line("markers", "sweep: the same comparison on many more rays; set ILF_SWEEP=1 to run it")
 
 
-# The dearest files, most seconds first: begun first, so that workers side by side end together.
-DEAREST = """test_radiance_di test_ilf_sampling test_common_hostile test_stagectl test_ilf_eval test_radiance_ilf test_exr_matrix
-    test_radiance_surfaces test_radiance_lamps""".split()
+# The dearest files, most seconds first: begun first, so that workers side by side end together.  stagectl's mostly wait.
+DEAREST = """test_radiance_di test_fishremap_array test_stagectl_faults test_stagectl_firmware test_fishremap_circle_auto test_stagectl_camera
+    test_fishremap_accuracy test_ilf_sampling test_hdrgen_accuracy test_hdrgen_align test_ilf_light test_hdrgen test_chain test_figures
+    test_fishremap_charts test_hdrgen_flare test_examples test_fishremap_circle_looks test_radiance_surfaces test_capture_room""".split()
 
 
 def pytest_collection_finish():

@@ -97,6 +97,23 @@ static ilf_status mean_luminance(double *mean, const ilf *f, ilf_error *err)
     return ILF_OK;
 }
 
+/* What the lamps that were taken out add to that mean: as much as the probes saw of each. */
+static double lamps_luminance(const ilf *f)
+{
+    const int n_u = f->info.n_u, n_v = f->info.n_v;
+    double sum = 0;
+
+    for (int k = 0; k < f->n_lamps; k++)
+        for (int m = 0; m < n_u * n_v; m++) {
+            const ilf_luminaire *l = &f->lamps[k];
+            const double o[3] = {n_u > 1 ? f->frame.len_u * (m % n_u) / (n_u - 1) : f->frame.len_u / 2,
+                                 n_v > 1 ? f->frame.len_v * (m / n_u) / (n_v - 1) : f->frame.len_v / 2, 0};
+            const double part = l->seen ? fmax(0, (double)l->seen[m]) : 1;
+            sum += part * fmax(0, ilf_luminance(l->rgb)) * fmin(ilf_luminaire_omega(l, o), 2 * ILF_PI);
+        }
+    return sum / (2 * ILF_PI * n_u * n_v);
+}
+
 /* ---- list ----------------------------------------------------------------------------------- */
 
 /* Largest excess in each block of bx texels of rows [y0, y1); 1 if there is any. */
@@ -211,7 +228,10 @@ static ilf_status fill(ilf_patches *pl, const ilf_patches_spec *spec, ilf_error 
     if (pl->threshold <= 0) {
         double mean = 0;
         st = mean_luminance(&mean, pl->field, err);
-        pl->threshold = BRIGHT * mean; /* 0 where these probes have no light: what others have is excess */
+        pl->threshold =
+            BRIGHT *
+            (mean +
+             lamps_luminance(pl->field)); /* 0 where these probes have no light: what others have is excess */
     }
     if (st == ILF_OK) st = list_patches(pl, err);
     if (st == ILF_OK && ilf_patches_count(pl) && spec->n_balls)

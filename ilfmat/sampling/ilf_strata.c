@@ -25,6 +25,9 @@ int ilf_meets_lamp(const lighting *l, const double dir[3])
     return ilf_nearest_lamp(f, o, d, HUGE_VAL) >= 0;
 }
 
+/* The golden section: the most even step from part to part. */
+#define STEP_U 0.61803398874989485
+
 /* Every second bit of x, from the lowest, as a fraction of 1. */
 static double every_second_bit(uint32_t x)
 {
@@ -78,6 +81,8 @@ ilf_status ilf_draw_for_lamp(lighting *l, int k, double u, ilf_error *err)
         double st[2], o[3], d[3], excess;
 
         along_curve(st, (i + u) / n);
+        u += STEP_U,
+            u -= u >= 1; /* elsewhere within each part of the curve, so that a slope's errors cancel */
         const double pdf = ilf_luminaire_sample(d, lamp, l->at_lamps, st[0], st[1]);
         if (!(pdf > 0)) continue;
         for (int a = 0; a < 3 && below; a++)

@@ -321,7 +321,7 @@ def spotlight(zenith, azimuth, distance=60.):
     pytest.param(5, 6, 1, .03, [(11, 115), (45, 0)], 5, 200, 120, marks=pytest.mark.sweep),
     (5, 4, 1.3, .5, [(28, 20), (27, 243)], 2, 300, 60),
     pytest.param(5, 5, 1.5, .25, [(11, 115)], 5, 110, 120, marks=pytest.mark.sweep),
-    (5, 5, 1, .85, [(11, 115)], 2, 80, 120),
+    pytest.param(5, 5, 1, .85, [(11, 115)], 2, 80, 120, marks=pytest.mark.sweep),
     (6, 5, 1, .7, [], 2, 80, 120),   # a plain bright table under touching spheres
 ])
 def test_corners_found_among_sharp_shadows(tmp_path, n, m, pitch, ground, spots, tilt, to, distance):
@@ -340,8 +340,8 @@ TWO = [(28, 20), (27, 243)]
 
 
 @pytest.mark.parametrize("n, m, radius, pitch, ground, spots, tilt, to", [
-    (6, 5, 13, 1, .6, TWO, 0, 0), (8, 8, 13, 1, .8, TWO[:1], 3, 100), (6, 6, 13, 1.3, .6, TWO, 2, 200),   # lit ground, mirrored at its own brightness
-    (7, 7, 13, 1, .6, [], 1, 30), (6, 5, 13, 1, .03, TWO, 0, 0),
+    pytest.param(6, 5, 13, 1, .6, TWO, 0, 0, marks=pytest.mark.sweep), (8, 8, 13, 1, .8, TWO[:1], 3, 100), (6, 6, 13, 1.3, .6, TWO, 2, 200),   # lit ground, mirrored at its own brightness
+    pytest.param(7, 7, 13, 1, .6, [], 1, 30, marks=pytest.mark.sweep), (6, 5, 13, 1, .03, TWO, 0, 0),
     (5, 7, 20, 1.5, .7, [], 4.9, 0),   # the edge of the table looks like a row of its own
 ])
 def test_small_spheres_are_found(tmp_path, n, m, radius, pitch, ground, spots, tilt, to):
@@ -459,7 +459,7 @@ def to_field(f, corners, *more):
     return out, *U.read_exr(out), json.loads((f / "r.json").read_text())
 
 
-@pytest.mark.parametrize("how", ["auto", "hand"])
+@pytest.mark.parametrize("how", ["auto", pytest.param("hand", marks=pytest.mark.sweep)])
 def test_virtual_photograph(virtual, how):
     f, camera, photo = virtual
     centres = camera.pixel(camera.nodes)

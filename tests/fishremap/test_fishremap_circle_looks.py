@@ -80,7 +80,7 @@ def test_the_answer_goes_with_the_picture(tmp_path):
         (ImageOps.mirror(whole), (w - truth[0], truth[1], truth[2])),
         (whole.rotate(90, expand=True), (truth[1], w - truth[0], truth[2])),
         (whole.resize((420, 280), Image.LANCZOS), .7 * truth),
-        (whole.resize((960, 640), Image.BICUBIC), 1.6 * truth),
+        (whole.resize((780, 520), Image.BICUBIC), 1.3 * truth),
         (whole.filter(ImageFilter.GaussianBlur(1.5)), truth),
     ]
     for k, (picture, where) in enumerate([(whole, truth), *changed]):

@@ -111,7 +111,7 @@ REAL = {"bracket_memorial_church": ("memorial*.png", ("--fill", "0,0,255")), "br
         "fisheye_bracket_office_canon5d2_8mm": ("IMG_*.jpg", ()), "mirrorball_bracket_desk_sony": ("desk_[123].JPG", ())}
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.sweep) if "office" in n else n for n in REAL])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.sweep) if "office" in n or "window" in n else n for n in REAL])
 def test_real_series_at_rest(tmp_path, name):
     """They pass strictly, and --deghost leaves them alone: no light of the lamps goes, next to no pixel changes."""
     data = shared_data(name)

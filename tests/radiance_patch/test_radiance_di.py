@@ -263,7 +263,7 @@ AROUND = {
 }
 
 
-@pytest.mark.parametrize("around", ["far", "box"])
+@pytest.mark.parametrize("around", [pytest.param("far", marks=pytest.mark.sweep), "box"])
 def test_picture_of_all_materials_is_the_literal_one(room, around):
     octree = oconv(room, things(room) + AROUND[around], "things_" + around)
     w, h = 16, 16
@@ -348,7 +348,7 @@ def test_coefficients_are_those_of_scattered_rays(low_lamp, mod, threshold):
     d = unit(np.array([(0.1, 0.2, -1), (0.1, 0.3, 1), (1, 0.2, -0.5), (-1, 0, -0.4), (0.3, 1, -0.6), (1, 0, 0.5)]))
     got = {}
     for name, di, copies in (("literal", 0, 80), ("aimed", 16, 80)):
-        got[name] = replicas(low_lamp, octree, (f32(-0.1 * d), f32(d)), copies, *EXACT, "-st", threshold, "-ss", "64", "-di", di,
+        got[name] = replicas(low_lamp, octree, (f32(-0.1 * d), f32(d)), copies, *EXACT, "-st", threshold, "-ss", "32" if di else "128", "-di", di,
                              "-ad", "256" if di else "2048")
     A, B = got["literal"] @ LUMINANCE, got["aimed"] @ LUMINANCE
     error = np.sqrt((A.var(0, ddof=1) + B.var(0, ddof=1)) / len(A))
@@ -365,7 +365,7 @@ def test_through_a_pane(room, pane):
     o, d = f32(np.array([[0, 0, 0.1], [0.3, -0.2, 0.05], [-0.3, 0.1, 0.2]])), f32(np.array([[0, 0, 1], [0.1, 0, 1], [0, 0.4, 1]]))
     got = {}
     for name, options in (("literal", ["-di", "0", "-ad", "4096"]), ("aimed", ["-di", "16", "-ad", "256"])):
-        got[name] = replicas(room, octree, (o, d), 32, "-I", *EXACT, *options)
+        got[name] = replicas(room, octree, (o, d), 24, "-I", *EXACT, *options)
     A, B = got["literal"] @ LUMINANCE, got["aimed"] @ LUMINANCE
     error = np.sqrt((A.var(0, ddof=1) + B.var(0, ddof=1)) / len(A))
     assert (np.abs(A.mean(0) - B.mean(0)) < 5 * error).all(), (A.mean(0), B.mean(0), error)
@@ -420,8 +420,8 @@ def test_lamps_of_the_scene_count_once(room):
 def test_two_bounces_with_and_without_the_cache(room):
     """-ab 2: the cached picture is as bright as the literal, uncached one, within what interpolation does (2 %)."""
     octree = oconv(room, things(room) + AROUND["far"], "bounce")
-    rays = view_rays(room, 24, 16)
-    a, b, cached = (replicas(room, octree, rays, 6, *EXACT, "-ab", "2", *options).mean(1) @ LUMINANCE for options in (
+    rays = view_rays(room, 12, 8)
+    a, b, cached = (replicas(room, octree, rays, 12, *EXACT, "-ab", "2", *options).mean(1) @ LUMINANCE for options in (
         ["-di", "0", "-ad", "512"], ["-di", "4", "-ad", "12"], ["-di", "4", "-ad", "64", "-aa", ".15", "-ar", "64"]))
     of_literal, of_aimed = a.var(ddof=1) / len(a), b.var(ddof=1) / len(b)
     assert abs(b.mean() - a.mean()) < 5 * np.sqrt(of_literal + of_aimed), (a, b)
@@ -546,7 +546,7 @@ def test_several_processes(room):
 def test_rpict_and_rtrace_agree(room):
     """A picture against many rays through its pixels."""
     octree = oconv(room, things(room) + AROUND["box"], "agree")
-    w, h = 16, 10
+    w, h = 12, 8
     out = run("rpict", *VIEW, "-x", w, "-y", h, "-pa", "0", "-pj", "0", "-ps", "1", *EXACT[2:], "-di", "16", "-ad", "24", octree, cwd=room).out
     (room / "agree.hdr").write_bytes(out)
     picture = read_picture(room, "agree.hdr") @ LUMINANCE
