@@ -231,13 +231,8 @@ endef
 $(foreach t,$(patsubst tests/%/parts.c,%,$(wildcard tests/*/parts.c)),$(eval $(call parts_rule,$(t))))
 
 TEST_ARGS ?=
-<<<<<<< HEAD
 # files of tests side by side: one more than processors, since stagectl's wait for their stages most of the time
 TEST_JOBS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n + 1)))
-=======
-# files of tests side by side: one more than processors, for some mostly wait for a stage
-TEST_JOBS ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
->>>>>>> suite
 test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder tests $(TEST_ARGS)
 
