@@ -130,12 +130,13 @@ def test_any_number_of_samples_has_the_same_mean(files, options):
         check(few[k, :2], many[k, 0], 1500, least=1e-3 * many[k, 0].max() + 5 * np.sqrt((many[k, 1] - many[k, 0] ** 2).max() / 1500))
 
 
-def test_lamps_that_nothing_hides_make_next_to_no_noise(files):
-    """Four lamps of other colours at one ray each: exact but for how a lamp's cosine varies over it."""
+@pytest.mark.parametrize("samples, most", [(1, .05), (16, .02)])
+def test_lamps_that_nothing_hides_make_next_to_no_noise(files, samples, most):
+    """Four lamps of other colours at one ray each: exact but for how a lamp's cosine varies over it, and a tube's outline."""
     x, n = points(6)
-    got = ilflight(files["open"], np.concatenate([x, n], 1), *AUX["box"], "--copies", 300, "--samples", 1)
+    got = ilflight(files["open"], np.concatenate([x, n], 1), *AUX["box"], "--copies", 300, "--samples", samples)
     noise = np.sqrt(np.maximum(got[:, 1] - got[:, 0] ** 2, 0)) / got[:, 0]
-    assert (noise < .03).all(), noise
+    assert (noise < most).all(), noise
 
 
 def test_texels_and_lamps_are_what_the_field_shows(files):
