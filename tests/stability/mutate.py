@@ -20,7 +20,7 @@ COPY = TOP / "build" / "mutants"
 # name: (file, old, new, what make builds, test that must notice)
 EVAL, FILES, STIFF, FAULTS = "tests/ilfmat/test_ilf_eval.py::", "tests/ilfmat/test_ilf_files.py::", "tests/hdrgen/test_hdrgen_stiff.py::", "tests/stability/test_faults.py::"
 LOOKUP, CORPUS, STAGE = "tests/stability/test_lookup.py::", "tests/stability/test_corpus.py::", "tests/stagectl/test_stagectl_faults.py::"
-LAMPS = "tests/ilfmat/test_ilf_lamps.py::"
+LAMPS, STRATA = "tests/ilfmat/test_ilf_lamps.py::", "tests/ilfmat/test_ilf_lamps_light.py::"
 TRACE, LIGHT = "build/bin/ilftrace build/test/ilfstorm", "tests/ilfmat/test_ilf_light.py::"
 
 MUTATIONS = {
@@ -52,7 +52,7 @@ MUTATIONS = {
     "flush-lamps-lost": ("ilfmat/lookup/ilf_lit.c", "#define FLUSH 0.01", "#define FLUSH 0.001", TRACE, LAMPS + "test_a_lamp_behind_the_hit_is_not_seen"),
     "dark-lamps-met": ("ilfmat/lookup/ilf_lit.c", "t >= best || is_out(l)", "t >= best", TRACE, LAMPS + "test_a_lamp_put_out_is_not_there"),
     "lamps-from-the-plane": ("ilfmat/lookup/ilf_lit.c", "if (hit && origin && mode == ILF_DEPTH) ilf_lamp_point(o", "if (0) ilf_lamp_point(o", TRACE, LAMPS + "test_masks_below_the_origin_do_not_count"),
-    "lamps-not-scaled": ("ilfmat/lookup/ilf_lit.c", "const double unit = f->frame.len_u / fr->len_u;", "const double unit = 1;", TRACE, LAMPS + "test_in_other_planes[scaled]"),
+    "lamps-not-scaled": ("ilfmat/lookup/ilf_lit.c", "fr->len_u == f->frame.len_u ? 1 : f->frame.len_u / fr->len_u;", "1;", TRACE, LAMPS + "test_in_other_planes[scaled]"),
     "masks-ignored": ("ilfmat/lookup/ilf_lit.c", "const double pass = ilf_luminaire_pass(l, o, d), rest", "const double pass = 1, rest", TRACE, LAMPS + "test_every_shape_behind_every_mask[layer]"),
     "sheet-below-counts": ("ilfmat/lamps/ilf_mask.c", "if (gap <= 0 || rise <= 0", "if (rise <= 0", TRACE, LAMPS + "test_masks_below_the_origin_do_not_count"),
     "stack-below-counts": ("ilfmat/lamps/ilf_mask.c", "if (h <= o[2] || h >= c[2]) continue;", "if (h >= c[2]) continue;", TRACE, LAMPS + "test_every_shape_behind_every_mask[stack]"),
@@ -73,8 +73,11 @@ MUTATIONS = {
     "density-too-high": ("ilfmat/sampling/ilf_draw.c", "(1 - SLICE_UNIFORM) * map;", "(1 - SLICE_UNIFORM) * map * 1.05;", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_integrals_of_the_density"),
     "weights-in-radiance": ("ilfmat/sampling/ilf_patches.c", "(double)pl->p[k].excess / pl->unit, LEAST_WEIGHT", "(double)pl->p[k].excess, 0", "build/test/ilfdraw", LOOKUP + "test_sampler_at_any_level"),
     # ---- the estimator
-    "chosen-counts-too-much": ("ilfmat/sampling/ilf_light.c", "times * step / ((double)l->candidates * c->target)", "times * step / ((double)l->n * c->target)", "build/test/ilflight", LIGHT + "test_mean_is_the_integral"),
-    "chosen-counts-once": ("ilfmat/sampling/ilf_light.c", "for (; next < passed; next += step) times++;", "for (; next < passed; next += step) times = 1;", "build/test/ilflight", LIGHT + "test_mean_is_the_integral"),
+    "chosen-counts-too-much": ("ilfmat/sampling/ilf_light.c", "draws = l->candidates > 0 ? l->candidates : 1;", "draws = l->n;", "build/test/ilflight", LIGHT + "test_mean_is_the_integral"),
+    "chosen-counts-once": ("ilfmat/sampling/ilf_light.c", "for (; next < passed; next += step) c->times++;", "for (; next < passed; next += step) c->times = 1;", "build/test/ilflight", LIGHT + "test_mean_is_the_integral"),
+    "lamps-drawn-twice": ("ilfmat/sampling/ilf_candidates.c", "if (!(f > 0) || ilf_meets_lamp(l, c->dir)) continue;", "if (!(f > 0)) continue;", "build/test/ilflight", STRATA + "test_mean_is_the_integral"),
+    "lamps-share-forgotten": ("ilfmat/sampling/ilf_strata.c", "c->weight = c->target / pdf * share;", "c->weight = c->target / pdf;", "build/test/ilflight", STRATA + "test_mean_is_the_integral"),
+    "lamps-behind-lamps-drawn": ("ilfmat/sampling/ilf_strata.c", "if (ilf_nearest_lamp(p->field, o, d, HUGE_VAL) != k) continue;", "if (ilf_nearest_lamp(p->field, o, d, HUGE_VAL) < 0) continue;", "build/test/ilflight", STRATA + "test_mean_is_the_integral"),
     "scratch-shared": ("ilfmat/sampling/ilf_light.c", "    s->scratch = NULL;\n    if (!m ||", "    if (!m ||", "build/test/ilflight", LIGHT + "test_lighting_within_lighting"),
     "cones-counted-twice": ("ilfmat/sampling/ilf_glint.c", "if (cone_of(gl, k, dir) >= 0) continue;", "if (0) continue;", "build/test/ilflight", LIGHT + "test_glints_and_blind_rays_are_all_that_the_ball_shows"),
     "glint-counts-twice": ("ilfmat/sampling/ilf_part.c", "way->scattered || way->in_glint", "way->scattered", "build/test/ilflight", LIGHT + "test_glints_and_blind_rays_are_all_that_the_ball_shows"),
