@@ -82,10 +82,10 @@ static ilf_status draw_candidates(lighting *l, ilf_error *err)
 {
     const ilf_host *h = l->host;
     const int lamps = l->s->of->field->n_lamps;
-    ilf_status st = l->candidates ? ilf_draw_from_slice(l, err) : ILF_OK;
 
-    if (!lamps || st != ILF_OK) return st;
     ilf_lamp_point(l->at_lamps, l->s->of->field, &l->s->of->frame, l->at->position);
+    ilf_status st = l->candidates ? ilf_draw_from_slice(l, err) : ILF_OK;
+    if (!lamps || st != ILF_OK) return st;
     double u = h->random(ILF_IN_LAMP, h->context);
     for (int k = 0; k < lamps && st == ILF_OK; k++) {
         u += STEP_V, u -= u >= 1;

@@ -24,8 +24,8 @@ def four(**masks):
 def residual(bright):
     f = random_ilf(RNG, 4, 3, 24, 12, **PLACE)
     f.probes = f.probes / f.probes.mean()
-    if bright:                                 # something in the texels is worth aiming at, too
-        f.probes[:, :, 4:6, 6:9] += 30
+    if bright:                                 # something in the texels is worth aiming at, too: beside the lamps and behind them
+        f.probes[:, :, 0:3] += 30
     return f
 
 
