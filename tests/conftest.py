@@ -33,6 +33,9 @@ HOST = set("""rpict rtrace rcontrib lookamb oconv xform gendaylit pfilt pcomb pc
 
 def pytest_configure(config):
     config.addinivalue_line("markers", "sweep: the same comparison on many more rays; set ILF_SWEEP=1 to run it")
+    # A test finds our programs through environment() alone, in a shell that has them on its path (make env), too.
+    words = os.environ.get("PATH", "").split(":")
+    os.environ["PATH"] = ":".join(w for w in words if Path(w) not in (BIN, FETCHED))
 
 
 # The dearest files, most seconds first: begun first, so that workers side by side end together.  stagectl's mostly wait.

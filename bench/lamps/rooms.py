@@ -293,13 +293,18 @@ class Score:
         return out
 
 
-def run(room, path, options, score=None):
-    "errors of version 1, errors of lamps and residual, ilflamps' report"
+def shell(*words):
+    "a program as the shell finds it; where it fails, so do we"
+    code = subprocess.run(words).returncode
+    if code: raise SystemExit(code)
+
+
+def run(room, path, options, score=None, call=shell):
+    "errors of version 1, errors of lamps and residual, ilflamps' report; call(program, word, ...) runs it"
     s = score or Score(room)
     with tempfile.TemporaryDirectory() as d:
         s.rays().tofile(f"{d}/rays")
-        r = subprocess.run(["ilflamps", "--quiet", "--report", f"{d}/r.json", "--rays", f"{d}/rays", "--radiance", f"{d}/out", *options, path])
-        if r.returncode: raise SystemExit(r.returncode)
+        call("ilflamps", "--quiet", "--report", f"{d}/r.json", "--rays", f"{d}/rays", "--radiance", f"{d}/out", *options, path)
         v = np.fromfile(f"{d}/out", "<f4").reshape(2, -1, 3)
         return s.of(v[0]), s.of(v[1]), json.load(open(f"{d}/r.json"))
 

@@ -68,7 +68,7 @@ def test_the_card_is_found(card):
 
 @pytest.mark.sweep
 def test_better_where_it_matters_and_never_worse(folder, card):
-    one, two, _ = rooms.run(carded(), str(folder / "card.ilf.exr"), [], rooms.Score(carded(), patches=3))
+    one, two, _ = rooms.run(carded(), str(folder / "card.ilf.exr"), [], rooms.Score(carded(), patches=3), run)
     for z in one:
         assert two[z]["up"] < one[z]["up"] / 3 and two[z]["side"] < one[z]["side"] / 3 and two[z]["rad"] < 6, (one, two)
 
@@ -152,7 +152,7 @@ def test_a_wide_lens_with_a_beam(folder, spot, gain):
     at, _, half, _, _, rgb = spot
     room = rooms.Room([lens(*spot)])
     rooms.make(room, 6, 6, 128, 64, str(folder / "lens.ilf.exr"))
-    one, two, report = rooms.run(room, str(folder / "lens.ilf.exr"), [], rooms.Score(room, patches=3, most=3000, rest=2000))
+    one, two, report = rooms.run(room, str(folder / "lens.ilf.exr"), [], rooms.Score(room, patches=3, most=3000, rest=2000), run)
     lamp, = report["lamps"]
     assert lamp["fate"] == "taken out" and lamp["shape"] == "rectangle"
     assert np.linalg.norm(np.subtract(lamp["position"], at)) < .04
@@ -177,7 +177,7 @@ def test_dark_twigs_before_dark_walls(folder):
     lamp = ((1.3, .7, 2.4), .05, (9000, 8000, 6000))
     branch = rooms.Room([rooms.lamp(*lamp)] + rooms.twigs(rooms.R(21), 60), bright=.45)
     rooms.make(branch, 8, 8, 256, 128, str(folder / "twigs.ilf.exr"))
-    one, two, report = rooms.run(branch, str(folder / "twigs.ilf.exr"), [], rooms.Score(branch, patches=5, most=3000, rest=2000))
+    one, two, report = rooms.run(branch, str(folder / "twigs.ilf.exr"), [], rooms.Score(branch, patches=5, most=3000, rest=2000), run)
     for z in one:
         assert two[z]["up"] < one[z]["up"] / 2.5, (one, two)
 
