@@ -2,10 +2,10 @@
 # runs some sections only).  Unpatched Radiance stands beside it for comparison (tests/radiance_patch/stock.mk).
 
 BENCH ?=
-bench-render: radiance $(B)/test/ilfspeed $(B)/test/ilfcopy $(STOCK)/bin/rpict $(VENV)/.packages
+bench-render: radiance $(B)/bin/ilflamps $(B)/test/ilfspeed $(B)/test/ilfcopy $(STOCK)/bin/rpict $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) bench/render/bench.py $(BENCH)
 
-#?measures: bench-render    error against run time of rendering (BENCH="judged cache box smooth plain colordata single mitsuba paper lookup")
+#?measures: bench-render    error against run time of rendering (BENCH="judged lamps cache box smooth plain colordata single mitsuba paper lookup")
 
 # Rays in the rooms that judge ilflamps, for Python.  No -ffast-math: a library linked with it flushes the subnormal numbers of every
 # program that loads it.

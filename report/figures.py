@@ -1,6 +1,6 @@
-"""The paper's figures 10, 11, 12 as panels: photograph, light field, single probe; error maps and numbers beneath.
+"""The paper's figures 10, 11, 12 as panels: photograph, light field, the same with its lamps taken out, single probe; error maps and numbers beneath.
 
-Reads what `make figures` left in build/figures/figureNN: photo.hdr, with_room.hdr, with_single.hdr, mask.hdr and the costs beside them.
+Reads what `make figures` left in build/figures/figureNN: photo.hdr, with_room.hdr, with_room.lamps.hdr, with_single.hdr, mask.hdr and the costs beside them.
 The measures are scenes/compare.py's: pictures clipped at the figure's white, all covered pixels.
 """
 import io
@@ -15,7 +15,7 @@ NAMES = [s for s in os.environ.get("REPORT_FIGURES", "figure10 figure11 figure12
 FROM = os.environ.get("REPORT_FROM", f"{run.BUILD}/figures")
 TITLES = {"figure10": "Figure 10: two spotlights into a mirror-sphere array", "figure11": "Figure 11: a yellow spotlight, a blue light half hidden",
           "figure12": "Figure 12: light through a branch", "demo": "The demo: two spotlights"}
-PICTURES = {"with_room": "Incident light field", "with_single": "Single probe"}
+PICTURES = {"with_room": "Incident light field", "with_room.lamps": "Its lamps taken out", "with_single": "Single probe"}
 CLIPPED = "RMSE / mean, clipped at white, covered pixels"
 
 
@@ -35,7 +35,9 @@ def cost(name, picture):
 
 def made_by(name, log, command):
     """The builds of all programs that a picture, its light field and its error came from."""
-    return {**run.programs(command), **run.builds.read(run.TOP / folder(name) / "room.ilf.programs"), **log.get("programs", {})}
+    here = run.TOP / folder(name)
+    lit = run.builds.read(here / "room.lamps.ilf.programs") if "room.lamps" in command else {}
+    return {**run.programs(command), **run.builds.read(here / "room.ilf.programs"), **lit, **log.get("programs", {})}
 
 
 def repeat(name, picture, log):

@@ -77,4 +77,18 @@ def grid(rows):
              *two(lambda s: plots.curves(series(rows), "Spatial resolution", "probes along each edge", "RMSE / mean", own_error(rows), size=s)))] if rows else []
 
 
-OF = {"time": time, "size": size, "storage": storage, "budget": budget, "depth": depth, "grid": grid}
+def lamps(rows):
+    out = []
+    for name, caption, label, log in (
+            ("number", "Few probes are enough once lamps are taken out: how high above the plane the light is asked for costs more than how many probes there were.",
+             "probes along each edge", (True, True)),
+            ("rows", "Finer probes: what they gain, in one room at 6 × 6 places.", "rows of a probe", (True, True)),
+            ("faults", "Faults of the capture, one at a time and together (1: none, then noise, gain, place, turn, all; the table names them).", "fault", (False, True))):
+        for room in dict.fromkeys(r["note"].split(":")[0] for r in rows if r["figure"] == name):
+            part = [dict(r, note=r["note"].split(": ")[1]) for r in rows if r["figure"] == name and r["note"].startswith(room + ":")]
+            out.append((f"lamps_{name}_{room}", f"Room \u201c{room}\u201d. {caption}",
+                        *two(lambda s, p=part, w=label, g=log: plots.curves(series(p), "Lamps taken out", w, "irradiance, rms / mean", size=s, log=g))))
+    return out
+
+
+OF = {"time": time, "size": size, "storage": storage, "budget": budget, "depth": depth, "grid": grid, "lamps": lamps}

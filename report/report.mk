@@ -7,21 +7,22 @@
 # stopped goes on where it was, what another build of a program would make is made again.  Two at a time (REPORT_JOBS); REPORT_SIZE=WxH is the size of the sweeps' pictures.
 
 REPORT          := $(B0)/report
-REPORT_SECTIONS ?= figures time size storage budget depth grid
+REPORT_SECTIONS ?= figures time size storage budget depth grid lamps
 REPORT_FIGURES  ?= figure10 figure11 figure12
 REPORT_JOBS     ?= $(shell nproc 2>/dev/null || echo 2)
 REPORT_SIZE     ?= 64x48
 REPORT_FROM     := $(or $(FIG),$(B0)/figures)
 REPORT_READS    := $(if $(filter figures,$(REPORT_SECTIONS)),\
-                     $(foreach f,$(REPORT_FIGURES),$(foreach p,photo with_room with_single mask,$(REPORT_FROM)/$(f)/$(p).hdr)))
-REPORT_SCENES   := $(wildcard scenes/demo/* scenes/figure12/* scenes/models/*.py) scenes/compare.py scenes/pictures.py scenes/rgbe.py $(TIMED)
+                     $(foreach f,$(REPORT_FIGURES),$(foreach p,photo with_room with_room.lamps with_single mask,$(REPORT_FROM)/$(f)/$(p).hdr)))
+REPORT_SCENES   := $(wildcard scenes/demo/* scenes/figure12/* scenes/models/*.py) scenes/compare.py scenes/pictures.py scenes/rgbe.py $(TIMED) \
+                     $(wildcard bench/lamps/*.py) $(if $(filter lamps,$(REPORT_SECTIONS)),$(B)/test/caster.so)
 
 .PHONY: report report-clean
 report: $(REPORT)/index.html
 	@echo "The report:   $(TOP)/$(REPORT)/index.html"; echo "Its numbers:  $(TOP)/$(REPORT)/report.csv"
 $(eval $(call settings,$(REPORT)/settings,$(REPORT_SECTIONS); $(REPORT_FIGURES) of $(REPORT_FROM); $(REPORT_SIZE)))
 $(REPORT)/index.html: $(REPORT)/settings $(wildcard report/*.py) $(REPORT_SCENES) $(REPORT_READS) \
-		$(call made_by,oconv xform rpict rtrace pfilt pcomb obj2mesh virtualcamera hdrgen fishremap falloffcal ilfpack ilfinfo) | $(VENV)/.packages $(FUNCTIONS)
+		$(call made_by,oconv xform rpict rtrace pfilt pcomb obj2mesh virtualcamera hdrgen fishremap falloffcal ilfpack ilfinfo ilflamps) | $(VENV)/.packages $(FUNCTIONS)
 	@ILF_BUILD=$(B) REPORT_JOBS=$(REPORT_JOBS) REPORT_SIZE=$(REPORT_SIZE) REPORT_FIGURES="$(REPORT_FIGURES)" REPORT_FROM=$(REPORT_FROM) \
 		$(PY) -m report all $(REPORT_SECTIONS)
 report-clean:

@@ -1,7 +1,7 @@
 # From a room to its light field: file rules that any scene can use.
 #
 #   capture session ──capture.mk: stagectl, hdrgen, fishremap, ilfpack──► room.ilf.exr [──ilflamps──► room.lamps.ilf.exr]
-#   octree with mirror spheres ──rpict──► camera.py ──hdrgen──► fishremap --array──► room.ilf.exr
+#   octree with mirror spheres ──rpict──► camera.py ──hdrgen──► fishremap --array──► room.ilf.exr ──ilflamps──► room.lamps.ilf.exr
 #
 # A run that was stopped goes on where it was, and -j works.  Programs count by their digests (rules.mk): what a program makes is
 # made anew when its bytes have changed.
@@ -89,14 +89,16 @@ folder = .
 file = nodes/{i}_{j}/e{k}.png
 times = nodes/{i}_{j}/times.txt
 [chain]
-before = make -s -C $(TOP) FIG=$(FIG) SIZE=$(SIZE) $($(1)_STAGE)
+before = make -s -C $(TOP) FIG=$(FIG) SIZE=$(SIZE) $($(1)_STAGE)$(if $($(1)_LIT), $($(1)_OUT)/walls.oct)
 beside = virtualstage --with-parent --time-factor 1000 --link port
 hdrgen = --response srgb
 fishremap = --size $($(1)_PROBE) --polar-max 90 --falloff $(abspath $($(1)_CORRECT))
+$(if $($(1)_LIT),ilflamps = --geometry walls.oct --report lamps.json --picture lamps.png)
 endef
 
 # ---- an array of mirror spheres ---------------------------------------------------------------------------
 #   octree with the spheres ──rpict──► spheres.hdr ──camera.py──► exposures ──hdrgen──► spheres.exr ──fishremap --array──► room.ilf.exr
+#       ──ilflamps──► room.lamps.ilf.exr
 #
 # $(eval $(call array_light_field,NAME)): NAME_OUT _STAGE _NU _NV _PLANE _TIMES _LIGHT _PROBE _SINGLE as above, NAME_PATH: folders of
 # its function files, and
@@ -128,6 +130,9 @@ $($(1)_OUT)/room.ilf.exr: $($(1)_OUT)/spheres.exr $($(1)_OUT)/probe.settings $(c
 	    --compression none --overlay $($(1)_OUT)/overlay.png --report $($(1)_OUT)/spheres.found.json -o $$@ $$<
 	@$$(call builds,$$(@:.exr=.programs),rpict pfilt hdrgen fishremap)
 $($(1)_OUT)/overlay.png: $($(1)_OUT)/room.ilf.exr ;
+$($(1)_OUT)/room.lamps.ilf.exr: $($(1)_OUT)/room.ilf.exr $($(1)_OUT)/walls.oct $(call made_by,ilflamps)
+	@$$(ILF_ENV) ilflamps --quiet --geometry $($(1)_OUT)/walls.oct --report $($(1)_OUT)/lamps.json --picture $($(1)_OUT)/lamps.png -o $$@ $$<
+	@$$(call builds,$$(@:.exr=.programs),ilflamps)
 $($(1)_OUT)/single.probe.exr: $($(1)_OUT)/room.ilf.exr scenes/oneprobe.py | $(VENV)/.packages
 	@$(PY) scenes/oneprobe.py --node $($(1)_SINGLE) -o $$@ $$<
 $$(eval $$(call single_probe,$(1),$($(1)_OUT)/single.probe.exr))

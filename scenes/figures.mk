@@ -102,6 +102,7 @@ figure10_RAYS     := $(call sized,2,3)
 figure10_LIGHT    := -ab 2 -aa .2 -ad 256 -as 64 -ar 128 -ds .1 -dj .5 -dt .05 -dc 1 -w -st 0 -lr 10 -lw 1e-3
 figure10_ARRAY    := --camera-distance 3.50635 --diameter .0254 --reflectance .95,.95,.95
 figure10_PROBE    := $(call sized,128x64,192x96)
+figure10_LIT      := $(FIG)/figure10/with_room.lamps.hdr
 figure10_SINGLE   := 6_6
 figure10_ROOM     := scenes/figure10/room.rad scenes/figure10/lamps.rad
 figure10_TABLE    := scenes/figure10/table.rad
@@ -113,6 +114,7 @@ $(eval $(call light_field_pictures,figure10))
 # ---- figure 11: two lamps and a card -------------------------------------------------------------------
 $(eval $(call figure_scene,figure11,.02))
 $(eval $(call fisheye_scene,figure11,8))
+figure11_LIT      := $(FIG)/figure11/with_room.lamps.hdr
 figure11_SINGLE   := $(call sized,1_4,4_16)
 figure11_ROOM     := $(STUDIO) scenes/figure11/lamps.rad
 figure11_READS    := scenes/figure11/lamp_yellow.rad scenes/figure11/lamp_blue.rad scenes/studio/profile.cal $(MODELS)/statue.rtm
@@ -123,6 +125,7 @@ $(eval $(call light_field_pictures,figure11))
 # ---- figure 12: dappled light --------------------------------------------------------------------------
 $(eval $(call figure_scene,figure12,.01))
 $(eval $(call fisheye_scene,figure12,12))
+figure12_LIT      := $(FIG)/figure12/with_room.lamps.hdr
 figure12_SINGLE   := $(call sized,6_6,15_15)
 figure12_ROOM     := $(STUDIO) scenes/figure12/lamps.rad
 figure12_HIDDEN   := scenes/figure12/branch.rad
@@ -138,10 +141,11 @@ $(MODELS)/branch.obj: scenes/models/branch.py | $(VENV)/.packages
 # ---- the figures ---------------------------------------------------------------------------------------
 # $(call compared,NAME,TITLE,WHAT THE LIGHT FIELD IS,WHAT THE SINGLE PROBE IS)
 define compared
-$(FIG)/$(1)/figure.png: $(FIG)/$(1)/photo.hdr $(FIG)/$(1)/with_room.hdr $(FIG)/$(1)/with_single.hdr $(FIG)/$(1)/mask.hdr \
+$(FIG)/$(1)/figure.png: $(FIG)/$(1)/photo.hdr $(FIG)/$(1)/with_room.hdr $($(1)_LIT) $(FIG)/$(1)/with_single.hdr $(FIG)/$(1)/mask.hdr \
         $(FIG)/$(1)/room.mosaic.png scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --reference "(a) Photograph: the room itself=$(FIG)/$(1)/photo.hdr" \
 	    --picture "(b) Incident light field$(,) $(3)=$(FIG)/$(1)/with_room.hdr" \
+	    --picture "With $$(call lamps_in,$(FIG)/$(1)/room.lamps.ilf.exr)=$($(1)_LIT)" \
 	    --picture "(c) Single probe$(,) $(4)=$(FIG)/$(1)/with_single.hdr" --mask $(FIG)/$(1)/mask.hdr --title "$(2)" \
 	    --extra "the light field: each rectangle a probe=$(FIG)/$(1)/room.mosaic.png" --csv $(FIG)/$(1)/errors.csv -o $$@
 $(FIG)/$(1)/shift.csv: $(FIG)/$(1)/photo.hdr $(FIG)/$(1)/with_room.hdr $(FIG)/$(1)/mask.hdr scenes/shift.py scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages

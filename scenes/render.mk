@@ -3,6 +3,7 @@
 # $(eval $(call light_field_pictures,NAME)) makes in NAME_OUT, for the scene NAME,
 #
 #   stage.oct                the room without the objects: what a camera on the plane sees
+#   walls.oct                the surfaces that the light field lies on: how far ilflamps is to take them for
 #   photo.oct                the room itself with the objects: the reference
 #   with_room.oct _single    the objects in room.ilf.exr, single.ilf.exr (room.lamps.ilf.exr, too): on the same surfaces, each of them a window on the light field
 #   mask.oct                 table red, objects green (compare.py)
@@ -33,6 +34,9 @@ $(MODELS)/statue.obj: scenes/models/statue.py | $(VENV)/.packages
 $(MODELS)/%.rtm: $(MODELS)/%.obj $(call made_by,obj2mesh) | $(FUNCTIONS)
 	@$(ILF_ENV) obj2mesh $< $@
 
+# "2 lamps taken out", as the picture's caption has it, in a recipe   $(call lamps_in,LIGHT FIELD OF VERSION 2)
+lamps_in = $$($(ILF_ENV) ilfinfo --header $(1) | awk '$$1 == "lamps" {n = $$2} END {print n ? n : "no"}') lamps taken out (ilflamps)
+
 define light_field_pictures
 $(1)_RUN  = $$(ILF_ENV):$$($(1)_PATH)
 $(1)_PICT := -vf $($(1)_VIEW) $($(1)_RES) $(PICT_RAYS)
@@ -46,6 +50,10 @@ $(1)_RENDER_with_room.lamps := $($(1)_LIGHT_with)
 $($(1)_OUT)/stage.oct: $($(1)_PAINT) $($(1)_ROOM) $($(1)_HIDDEN) $($(1)_TABLE) $($(1)_CAPTURE_ONLY) $($(1)_READS) $(call made_by,oconv xform) | $(FUNCTIONS)
 	@mkdir -p $$(@D)
 	@$$($(1)_RUN) oconv -f $($(1)_PAINT) $($(1)_ROOM) $($(1)_HIDDEN) $($(1)_TABLE) $($(1)_CAPTURE_ONLY) > $$@.part
+	@mv $$@.part $$@
+$($(1)_OUT)/walls.oct: $($(1)_PAINT) $($(1)_ROOM) $($(1)_READS) $(call made_by,oconv xform) | $(FUNCTIONS)
+	@mkdir -p $$(@D)
+	@$$($(1)_RUN) oconv -f $($(1)_PAINT) $($(1)_ROOM) > $$@.part
 	@mv $$@.part $$@
 $($(1)_OUT)/photo.oct: $($(1)_PAINT) $($(1)_ROOM) $($(1)_HIDDEN) $($(1)_TABLE) $($(1)_OBJECTS) $($(1)_READS) $(call made_by,oconv xform) | $(FUNCTIONS)
 	@mkdir -p $$(@D)

@@ -44,7 +44,6 @@ demo_PLANE    := $(call in_session,$(DEMO_SESSION),plane)
 demo_SINGLE   := 2_2
 # with lamps taken out, too, as long as the session asks for it ([chain] ilflamps)
 demo_LIT      := $(if $(call in_session,$(DEMO_SESSION),ilflamps),$(DEMO)/with_room.lamps.hdr)
-demo_LIT_IS    = $$($(ILF_ENV) ilfinfo --header $(DEMO)/room.lamps.ilf.exr | awk '$$1 == "lamps" {n = $$2} END {print n ? n : "no"}') lamps taken out (ilflamps)
 $(eval $(call light_field,demo))
 
 # The pictures: the table and what stands on it, in the same studio.
@@ -62,7 +61,7 @@ $(eval $(call light_field_pictures,demo))
 $(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(demo_LIT) $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --reference "Photograph: the room itself=$(DEMO)/photo.hdr" \
 	    --picture "Incident light field, $(demo_NU) × $(demo_NV) probes=$(DEMO)/with_room.hdr" \
-	    $(if $(demo_LIT),--picture "With $(demo_LIT_IS)=$(demo_LIT)") \
+	    $(if $(demo_LIT),--picture "With $(call lamps_in,$(DEMO)/room.lamps.ilf.exr)=$(demo_LIT)") \
 	    --picture "Single probe=$(DEMO)/with_single.hdr" --mask $(DEMO)/mask.hdr \
 	    --title "Two spotlights, captured by a virtual fisheye at $(demo_NU) × $(demo_NV) positions" \
 	    --extra "the light field: $(demo_NU) × $(demo_NV) probes, each the hemisphere as a map=$(DEMO)/room.mosaic.png" \

@@ -197,8 +197,15 @@ void rays(const room *w, long n, const double *o, const double *d, double *L, do
     }
 }
 
-/* One probe: area means, S x S rays a texel, more where bodies (2S) and lamps (fine) are. */
-void probe(const room *w, const double *o, int n_lat, int n_lon, int S, int fine, float *out)
+/* The direction of a texel's place in a probe that is turned by the matrix of rows r. */
+static void direction(const double *r, double p, double q, double *d)
+{
+    const double e[3] = {sin(p) * cos(q), sin(p) * sin(q), cos(p)};
+    for (int c = 0; c < 3; c++) d[c] = r[3 * c] * e[0] + r[3 * c + 1] * e[1] + r[3 * c + 2] * e[2];
+}
+
+/* One probe at o, turned by the matrix of rows `turn`: area means, S x S rays a texel, more where bodies (2S) and lamps (fine) are. */
+void probe(const room *w, const double *o, const double *turn, int n_lat, int n_lon, int S, int fine, float *out)
 {
     const double pi = acos(-1), dp = pi / 2 / n_lat, dt = 2 * pi / n_lon;
 #pragma omp parallel
@@ -207,15 +214,15 @@ void probe(const room *w, const double *o, int n_lat, int n_lon, int S, int fine
 #pragma omp for schedule(dynamic, 1)
         for (int y = 0; y < n_lat; y++)
             for (int x = 0; x < n_lon; x++) {
-                double sum[3] = {0, 0, 0}, weight = 0, p = (y + .5) * dp, q = (x + .5) * dt - pi, L[3];
-                double m[3] = {sin(p) * cos(q), sin(p) * sin(q), cos(p)};
+                double sum[3] = {0, 0, 0}, weight = 0, p = (y + .5) * dp, q = (x + .5) * dt - pi, L[3], m[3], e[3];
+                direction(turn, p, q, m);
                 const double half = .5 * hypot(dp, dt * sin(fmin(p + dp / 2, pi / 2))) + 1e-4;
                 int s = near_bodies(w, o, m, half, half, which, &k) ? fine : k ? 2 * S : S;
                 if (w->mirror > 0 && m[0] > .3) s = 3 * S;
                 for (int a = 0; a < s; a++)
                     for (int b = 0; b < s; b++) {
                         p = (y + (a + .5) / s) * dp, q = (x + (b + .5) / s) * dt - pi;
-                        const double e[3] = {sin(p) * cos(q), sin(p) * sin(q), cos(p)};
+                        direction(turn, p, q, e);
                         look(w, o, e, which, k, L, 0);
                         for (int c = 0; c < 3; c++) sum[c] += sin(p) * L[c];
                         weight += sin(p);

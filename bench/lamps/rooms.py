@@ -1,6 +1,7 @@
 """Rooms of our own for tuning and judging ilflamps: what a perfect camera captures in them, and how far a light field is from it.
 
-    rooms.py make ROOM[:SEED] 8x8 256x128 OUT.ilf.exr        capture it (area means); plane 1 m x 1 m round (0, 0, 0)
+    rooms.py make ROOM[:SEED] 8x8 256x128 OUT.ilf.exr [KEY=X...]   capture it (area means); plane 1 m x 1 m round (0, 0, 0).  Standard
+                                   deviations by KEY: noise= of a texel, gain= of a probe, move= in m, turn= in degrees; seed=
     rooms.py walls ROOM[:SEED] OUT.rad                       its walls, for ilflamps --geometry (oconv makes the octree)
     rooms.py score ROOM[:SEED] FIELD.ilf.exr [OPTION...]     errors of version 1 and of what ilflamps OPTION... makes of it
     rooms.py list
@@ -58,9 +59,10 @@ class Room:
         LIB.rays(ctypes.byref(self.w), ctypes.c_long(len(d)), ptr(o), ptr(d), ptr(L), ptr(h))
         return L, h
 
-    def probe(self, at, n_theta, n_phi, S=3, fine=20):
-        out, at = np.empty((n_phi, n_theta, 3), np.float32), np.array(at, float)
-        LIB.probe(ctypes.byref(self.w), ptr(at), n_phi, n_theta, S, fine, ptr(out))
+    def probe(self, at, n_theta, n_phi, S=3, fine=20, turn=np.eye(3)):
+        "turn: its axes in the room's, in columns"
+        out, at, turn = np.empty((n_phi, n_theta, 3), np.float32), np.array(at, float), np.ascontiguousarray(turn, float)
+        LIB.probe(ctypes.byref(self.w), ptr(at), ptr(turn), n_phi, n_theta, S, fine, ptr(out))
         return out
 
     def caps(self, x):
@@ -217,12 +219,19 @@ def named(name):
     return FIXED[name]()
 
 
+def rotation(v):
+    "the rotation about v by |v| radians (Rodrigues)"
+    k = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]]); a = np.linalg.norm(v)
+    return np.eye(3) + np.sinc(a / np.pi) * k + .5 * np.sinc(a / (2 * np.pi)) ** 2 * k @ k
+
+
 def make(room, n_u, n_v, n_theta, n_phi, path, noise=0, gain=0, move=0, turn=0, seed=1):
     import OpenEXR
     rng, img = R(seed), np.zeros((n_v, n_phi, n_u, n_theta, 3), np.float32)
     for j in range(n_v):
         for i in range(n_u):
-            p = room.probe(np.r_[-.5 + i / max(1, n_u - 1), -.5 + j / max(1, n_v - 1), 0] + move * rng.normal(size=3) * (1, 1, 0), n_theta, n_phi)
+            p = room.probe(np.r_[-.5 + i / max(1, n_u - 1), -.5 + j / max(1, n_v - 1), 0] + move * rng.normal(size=3) * (1, 1, 0), n_theta, n_phi,
+                           turn=rotation(np.radians(turn) * rng.normal(size=3)))
             img[j, :, i] = p * (1 + noise * rng.normal(size=p.shape)).clip(0) * (1 + gain * rng.normal())
     td = OpenEXR.TileDescription(); td.xSize, td.ySize = n_theta, n_phi
     h = {"type": OpenEXR.tiledimage, "compression": OpenEXR.ZIP_COMPRESSION, "tiles": td, "ilf:version": 1, "ilf:polarMax": float(np.pi / 2),
@@ -314,7 +323,9 @@ def line(v, k): return "/".join(f"{v[z][k]:.2f}" for z in v)
 
 if __name__ == "__main__":
     a = sys.argv[1:]
-    if len(a) == 5 and a[0] == "make": make(named(a[1]), *map(int, a[2].split("x")), *map(int, a[3].split("x")), a[4])
+    if len(a) >= 5 and a[0] == "make":
+        more = {k: float(x) for k, x in (w.split("=") for w in a[5:])}
+        make(named(a[1]), *map(int, a[2].split("x")), *map(int, a[3].split("x")), a[4], **more | {"seed": int(more.get("seed", 1))})
     elif len(a) == 3 and a[0] == "walls": open(a[2], "w").write(walls(named(a[1])))
     elif len(a) >= 3 and a[0] == "score":
         one, two, report = run(named(a[1]), a[2], a[3:])

@@ -1,6 +1,6 @@
 """Error against CPU seconds of rendering with a light field: make bench-render
 
-Sections (all, or those named on the command line): judged cache box smooth plain colordata single mitsuba paper lookup.
+Sections (all, or those named on the command line): judged lamps cache box smooth plain colordata single mitsuba paper lookup.
 Rows go to build/bench/render.csv (a section run again replaces its rows), the plot to build/bench/render.png.
 
 CPU seconds are user + system of the renderer's process.  RMSE is over lit pixels that show an object (no lamp or lamp's
@@ -214,6 +214,46 @@ def cache():
     sweep("cache", folder, octree, (96, 96), ["-ab", "2", *EXACT, *MANY], [["-ad", n] for n in (64, 256, 1024)],
           [[*quick, "128", "-di", n] for n in (4, 16, 64)] + [[*quick, "512", "-di", n] for n in (16, 64, 256)] + di_ad((16, 64), (64, 256)),
           ["-ad", 2048], ["-di", 128, "-ad", 512])
+
+
+def lit_field(folder, file):
+    """The field with its lamps taken out, and how long that took."""
+    lit = file.replace(".ilf.exr", ".lamps.ilf.exr")
+    if not (folder / lit).is_file():
+        cpu, _, peak = timed(["ilflamps", "--quiet", "--report", "lamps.json", "-o", lit, file], folder, folder / "ilflamps.txt")
+        print(f"ilflamps {file}: {cpu:.0f} s, {peak:.0f} MB")
+    print("".join(f"  {k['shape']}, {k['fate']}, {k.get('model')}\n" for k in json.loads((folder / "lamps.json").read_text())["lamps"]), end="")
+    return lit
+
+
+def noise_against_time(section, folder, file, method, options):
+    """(seconds, RMSE) of pictures in a light field against the mean of its own long runs."""
+    octree = oconv(folder, rs.judged_objects() + rs.far_dome(file), f"{section}_{method.replace(' ', '')}")
+    base, mask = ["-ab", "1", *EXACT, *MANY], objects_mask(folder, octree, (96, 96))
+    ref = np.mean([rpict(folder, octree, (96, 96), [*base, "-di", "256", "-ad", "1024"], "ref")["image"] for _ in range(4)], 0)
+    mask &= (ref > 0) & (ref < 20 * np.median(ref[mask]))
+    out = []
+    for o in options:
+        r = rpict(folder, octree, (96, 96), [*base, *o], "x")
+        e = errors(r["image"], ref, mask)
+        row(section, method, [*base, *o], r, **e)
+        out.append((r["cpu_s"], e["rmse"]))
+    return out, ref, mask
+
+
+def lamps():
+    """The judged scene's light field as captured, and with its lamps taken out: each against itself, so that noise is compared with noise."""
+    folder = place("judged")
+    file = field(folder, "room.ilf.exr", rs.judged_room, 30, 30, 128, 64)
+    options = di_ad((1, 16), (2, 16), (4, 16), (8, 16), (16, 16), (8, 64), (16, 64), (32, 64), (64, 64), (64, 256))
+    one, a, mask = noise_against_time("lamps", folder, file, "version 1", options)
+    two, b, _ = noise_against_time("lamps", folder, lit_field(folder, file), "version 2", options)
+    print(f"lamps: the two converge to pictures {errors(b, a, mask)['rmse']:.4f} apart, mean ratio {b[mask].mean() / a[mask].mean():.4f}")
+    t, e = np.log(np.array(sorted(one), float)).T
+    for seconds, rmse in two:
+        print(f"lamps: {100 * rmse:.2f} % in {seconds:.2f} s; version 1 needs {np.exp(np.interp(-np.log(rmse), -e, t)):.2f} s"
+              + (" or more" if rmse < np.exp(e.min()) else ""))
+    save()
 
 
 # ---- other light -----------------------------------------------------------------------------------------------------
@@ -543,7 +583,7 @@ def plot():
     fig.savefig(OUT / "render.png", dpi=90)
 
 
-SECTIONS = {"judged": judged, "cache": cache, "box": lambda: judged(True, section="box"), "smooth": lambda: judged(room=rs.smooth_room, section="smooth"),
+SECTIONS = {"judged": judged, "cache": cache, "box": lambda: judged(True, section="box"), "smooth": lambda: judged(room=rs.smooth_room, section="smooth"), "lamps": lamps,
             "plain": plain, "colordata": colordata, "single": single, "mitsuba": mitsuba, "paper": paper, "lookup": lookup}
 
 
