@@ -35,7 +35,7 @@ $(MODELS)/%.rtm: $(MODELS)/%.obj $(call made_by,obj2mesh) | $(FUNCTIONS)
 	@$(ILF_ENV) obj2mesh $< $@
 
 # "2 lamps taken out", as the picture's caption has it, in a recipe   $(call lamps_in,LIGHT FIELD OF VERSION 2)
-lamps_in = $$($(ILF_ENV) ilfinfo --header $(1) | awk '$$1 == "lamps" {n = $$2} END {print n ? n : "no"}') lamps taken out (ilflamps)
+lamps_in = $$($(ILF_ENV) ilfinfo --header $(1) | awk '$$1 == "lamps" {n = $$2 + 0} END {print n ? n : "no", n == 1 ? "lamp" : "lamps"}') taken out (ilflamps)
 
 define light_field_pictures
 $(1)_RUN  = $$(ILF_ENV):$$($(1)_PATH)
