@@ -141,6 +141,17 @@ int img_reader_open(img_reader **out, const char *path, errmsg *e)
     return img_reader_open_as(out, path, NULL, e);
 }
 
+/* What our own programs write of a part of a panorama: ilf:latlong "LEFT RIGHT TOP BOTTOM". */
+static int own_panorama(img_reader *r)
+{
+    char text[128];
+    double *q = r->info.pano.shows_deg, v[4];
+    if (img_reader_fact(r, "ilf:latlong", text, sizeof text) &&
+        sscanf(text, "%lf %lf %lf %lf", v, v + 1, v + 2, v + 3) == 4)
+        memcpy(q, v, sizeof v);
+    return 0;
+}
+
 int img_reader_open_as(img_reader **out, const char *path, const img_open_opts *opts, errmsg *e)
 {
     img_reader *r = calloc(1, sizeof *r);
@@ -149,7 +160,7 @@ int img_reader_open_as(img_reader **out, const char *path, const img_open_opts *
     r->info.orientation = 1;
     r->info.pixel_aspect = 1;
     if (open_file(r, path, e) < 0 || choose_codec(r, e) < 0 || r->codec->open(r, e) < 0 ||
-        img_shape_open(r, e) < 0) {
+        own_panorama(r) < 0 || img_shape_open(r, e) < 0) {
         img_reader_close(r);
         return -1;
     }

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "lensfile.h"
+#include "panorama.h"
 
 #define DEG (M_PI / 180)
 
@@ -83,12 +84,39 @@ int place_chart(chart *c, outcome *o, const settings *s, view_kind kind, const i
         out_turns = view_is_disc(s->to) && !view_is_disc(s->from);
     switch (kind) {
     case VIEW_PROBE: chart_probe(c, w, h, (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG); break;
-    case VIEW_LATLONG: chart_latlong(c, w, h, s->span_deg * DEG); break;
+    case VIEW_LATLONG:
+        if (panorama_place(c, o, s, im, w, h, e)) return -1;
+        break;
     default:
         if (make_disc(c, o, s, kind, im, w, h, e)) return -1;
     }
-    if ((im == NULL) == (out_turns != 0)) turn_chart(c, s, kind == VIEW_BALL);
+    if ((im == NULL) != (out_turns != 0)) return 0;
+    settings t = *s;
+    if (im && kind == VIEW_LATLONG && panorama_pose(&t, o, s, im, e)) return -1;
+    turn_chart(c, &t, kind == VIEW_BALL);
     return 0;
+}
+
+/* In a panorama straight down is the lower pole; in a disc it lies at the axis's side that the picture's bottom
+ * shows, turned with the picture: rotate, radians, is what the picture must be turned by to stand upright. */
+static int below(const chart *c, double rotate, double angle, int x, int y)
+{
+    if (c->kind == CHART_GRID) return c->polar_min + (y + 0.5) * chart_row_step(c) > M_PI - angle;
+    double px, py;
+    chart_disc_place(&px, &py, c, x + 0.5, y + 0.5);
+    const double up = px * sin(rotate) + py * cos(rotate), r = hypot(px, py);
+    if (up >= 0 || up * up < r * r * cos(angle) * cos(angle)) return 0; /* not even at the horizon */
+    return sin(lens_angle(&c->lens, r)) * -up / r > cos(angle);
+}
+
+void hide_nadir(float *pix, int *all_good, const chart *c, double rotate, double angle)
+{
+    if (!(angle > 0)) return;
+    *all_good = 0;
+#pragma omp parallel for schedule(dynamic, 16)
+    for (int y = 0; y < c->height; y++)
+        for (int x = 0; x < c->width; x++)
+            if (below(c, rotate, angle, x, y)) pix[4 * ((size_t)y * (size_t)c->width + (size_t)x) + 3] = 0;
 }
 
 void hide_camera(float *pix, int *all_good, const chart *c, double angle)

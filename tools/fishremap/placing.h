@@ -21,6 +21,10 @@ int view_is_disc(view_kind kind);
 /* Take c's camera as the settings turn it (chart.h). */
 void turn_chart(chart *c, const settings *s, int mirror);
 
+/* What lies below the camera: pixels within angle (radians) of straight down, as the camera stands unless it is
+ * tilted, get alpha 0.  rotate: what a disc's picture must be turned by to stand upright, radians. */
+void hide_nadir(float *pix, int *all_good, const chart *c, double rotate, double angle);
+
 /* The camera sees itself in a ball: pixels within the hidden angle (radians) of the axis get alpha 0. */
 void hide_camera(float *pix, int *all_good, const chart *c, double angle);
 
