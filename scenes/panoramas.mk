@@ -99,6 +99,9 @@ $(FIELD)/.checked: $(MERGED_BY) $(REMAPPED_BY)
 	@cd $(HERE); hdrgen --dry-run $(HDRGEN) -o x.exr x.png; fishremap --dry-run $(FISHREMAP) -o x.exr x.exr
 	@touch $@
 
+# what is between the steps need not be small: writing it would cost more than the merge
+QUICKLY   := $(if $(filter --type --type=% -t,$(HDRGEN)),,--type half) $(if $(filter --compression --compression=%,$(HDRGEN)),,--compression none)
+
 # coded pictures need a response: one for all places, the first's with several exposures
 radiant   = $(if $(word 2,$(1)),,$(filter %.exr %.hdr,$(1)))
 developed = $(filter %.dng %.cr2 %.cr3 %.nef %.arw %.raf %.orf %.rw2 %.DNG %.CR2 %.CR3 %.NEF %.ARW %.RAF %.ORF %.RW2 %.exr %.hdr %.pfm,$(1))
@@ -132,7 +135,7 @@ $(RESPONSE): $(FIELD)/$(LEADER).merged.exr
 endif
 
 $(IDS:%=$(FIELD)/%.merged.exr): %.merged.exr:
-	@cd $(HERE); hdrgen $(QUIET) $(HDRGEN) $(TAKES) $(if $(TIMES),--times $(TIMES)) -o $@ $(if $(TIMES),$$(awk -v d=$(dir $(TIMES)) '/^[^#]/ {print d $$1}' $(TIMES)),$(PICTURES))
+	@cd $(HERE); hdrgen $(QUIET) $(QUICKLY) $(HDRGEN) $(TAKES) $(if $(TIMES),--times $(TIMES)) -o $@ $(if $(TIMES),$$(awk -v d=$(dir $(TIMES)) '/^[^#]/ {print d $$1}' $(TIMES)),$(PICTURES))
 $(IDS:%=$(FIELD)/%.exr): %.exr:
 	@cd $(HERE); fishremap $(QUIET) $(FISHREMAP) $(if $(MASK),--mask $(MASK)) -o $@ $(SOURCE)
 

@@ -364,6 +364,26 @@ def test_mask_and_nadir_become_alpha(tmp_path):
     assert ((1 - seen) * omega).sum() == pytest.approx(2 * np.pi * (2 - np.cos(np.radians(20)) - np.cos(np.radians(25))), rel=.02)
 
 
+def test_the_overlay_shows_both_circles(tmp_path):
+    U.write_exr(tmp_path / "in.exr", beside(*plain()))
+    run("fishremap", "--dual", *LENS, "--size", "16x8", "--overlay", tmp_path / "o.png", "-o", tmp_path / "o.exr", tmp_path / "in.exr")
+    image = np.asarray(Image.open(tmp_path / "o.png").convert("RGB")).astype(int)
+    for k, colour in ((0, 0), (1, 2)):      # the first is red, the last blue
+        pure = (image[..., colour] > 200) & (image.sum(-1) < 260)
+        y, x = np.argwhere(pure).T
+        r = np.hypot(x + .5 - (k + .5) * N, y + .5 - N / 2)
+        assert len(r) > 400 and ((np.abs(r - N / 2) < 2) | (r < 7)).all()
+
+
+def test_a_heading_puts_the_zenith_into_a_panoramas_middle_and_says_so(tmp_path):
+    U.write_exr(tmp_path / "in.exr", beside(*plain()))
+    for more, said in ((("--heading", 10), True), (("--pose", 10), True), (("--tilt", 5), False)):
+        r = run("fishremap", "--dual", *LENS, *more, "--to", "latlong", "--size", "64x32", "-o", tmp_path / "o.exr", tmp_path / "in.exr")
+        assert ("the zenith is" in r.err) == said
+        up = 2 * U.read_exr(tmp_path / "o.exr")[0][..., 2] - 1
+        assert (up[15:17, 31:33].mean() > .98) == said and (up[0].mean() > .98) == (not said)
+
+
 def test_several_pictures_share_the_weights_of_both_circles(tmp_path):
     for k, gain in enumerate((1, 2)):
         U.write_exr(tmp_path / f"p{k}.exr", gain * beside(*plain()))

@@ -246,6 +246,7 @@ int dual_remap(float *rgb, float *alpha, outcome *o, session w[2], const setting
     if (!rc) {
         const double matched = o->second_gain;
         if (s->have_second_gain && s->second_gain > 0) o->second_gain = s->second_gain;
+        if (s->to == VIEW_LATLONG && !isnan(s->heading_deg)) say_zenith(o, s);
         tell_fields(o, s);
         tell(o, s, matched);
         merge_blend(&p, o->second_gain, 1);

@@ -78,6 +78,15 @@ int view_is_disc(view_kind kind)
     return kind == VIEW_FISHEYE || kind == VIEW_BALL || kind == VIEW_ANGULAR;
 }
 
+void say_zenith(outcome *o, const settings *s)
+{
+    outcome_note(
+        o,
+        "%s: with a heading n is up, and so the zenith is in the panorama's middle (--tilt and --rotate "
+        "alone level one)",
+        s->out);
+}
+
 int place_chart(chart *c, outcome *o, const settings *s, view_kind kind, const img *im, errmsg *e)
 {
     int w = im ? im->info.width : s->out_w, h = im ? im->info.height : s->out_h,
@@ -94,6 +103,7 @@ int place_chart(chart *c, outcome *o, const settings *s, view_kind kind, const i
     settings t = *s;
     if (im && kind == VIEW_LATLONG && panorama_pose(&t, o, s, im, e)) return -1;
     turn_chart(c, &t, kind == VIEW_BALL);
+    if (im && s->to == VIEW_LATLONG && !isnan(t.heading_deg)) say_zenith(o, s);
     return 0;
 }
 

@@ -18,6 +18,9 @@ int place_chart(chart *c, outcome *o, const settings *s, view_kind kind, const i
 /* A round picture: a fisheye's, a ball's, an angular map. */
 int view_is_disc(view_kind kind);
 
+/* That a panorama made with a heading has its zenith where one may not expect it. */
+void say_zenith(outcome *o, const settings *s);
+
 /* Take c's camera as the settings turn it (chart.h). */
 void turn_chart(chart *c, const settings *s, int mirror);
 
