@@ -20,7 +20,7 @@
 #
 # fishremap's default is --from latlong --to latlong --size 1024x512, each as far as nothing else is said.  FOLDER/mask.png, if it is there,
 # is a mask for all places that have none of their own.  Where hdrgen's options say nothing of the response, that of the first place
-# is found and serves all: their light is then on one scale.
+# is found and serves all: their light is then on one scale.  (Where no place has more than one exposure they count as sRGB.)
 #
 # Everything can be stopped at any point and goes on from there; what a changed option, picture or program makes is made anew, and nothing
 # else.  `panoramas` as the goal stops before ilfpack.  Names must be free of blanks.
@@ -120,7 +120,7 @@ $(FIELD)/$(2).exr: $(FIELD)/$(2).merged.exr
 $(FIELD)/$(2).exr: SOURCE := $(FIELD)/$(2).merged.exr
 $(FIELD)/$(2).merged.exr: PICTURES := $(3)
 $(FIELD)/$(2).merged.exr: TIMES := $(wildcard $(call from,$(1:%/=%))/times.txt)
-$(FIELD)/$(2).merged.exr: TAKES := $(if $(LEADER),$(if $(filter $(2),$(LEADER)),--save-response $(RESPONSE),$(if $(call developed,$(3)),,--response $(RESPONSE))))
+$(FIELD)/$(2).merged.exr: TAKES := $(if $(LEADER),$(if $(filter $(2),$(LEADER)),--save-response $(RESPONSE),$(if $(call developed,$(3)),,--response $(RESPONSE))),$(if $(own_word)$(call developed,$(3)),,--response srgb))
 $(FIELD)/$(2).merged.exr: $(3) $(wildcard $(call from,$(1:%/=%))/times.txt) $(MERGED_BY) | $(FIELD)/.checked
 $(if $(LEADER),$(if $(filter $(2),$(LEADER)),,$(FIELD)/$(2).merged.exr: $(RESPONSE)))
 endif

@@ -152,6 +152,16 @@ def test_two_circles(room):
     assert not (room / "field/response.txt").exists()
 
 
+def test_single_exposures_count_as_srgb(room):
+    (room / "positions.txt").write_text("#: fishremap --size 96x48\na/x1.png 0 0 0\nP02_2.jpg 1 0 0\n")
+    made(room, "panoramas")
+    for name, heading, t in (("a_x1", 0, 1), ("P02_2", 40, TIMES[2])):      # the JPEG states its time, the PNG counts as of a second
+        got = U.read_exr(room / f"field/{name}.exr")[0][..., :3]
+        want = SCENE(panorama(96, 48, pose(heading))) * (TIMES[1] if t == 1 else 1)
+        sure = want.max(-1) * (1 if t == 1 else t) < .9
+        assert sure.mean() > .3 and np.abs(got / want - 1)[sure].mean() < .1
+
+
 @pytest.mark.parametrize("text, words", [
     ("", ("expected lines",)), ("# nothing\n", ("expected lines",)), ("b 0 0 0\n", ("nothing for b",)), ("a 0 0 0\nq*.jpg 0 0 0\n", ("nothing for q*.jpg",)),
     ("a 0 0 0\na/ 1 0 0\n", ("each place once", "a")), ('"a b" 0 0 0\n', ("blanks",)), ("#: hdrcreate -x\na 0 0 0\n", ("hdrcreate",)),
