@@ -29,7 +29,7 @@
 #define IMG_MAX_SIDE   (1 << 17)
 #define IMG_MAX_PIXELS ((int64_t)1 << 31)
 
-/* What a file states about its equirectangular panorama (XMP's namespace GPano; ilf:latlong in .exr and .hdr),
+/* What a file states about its equirectangular panorama (XMP's namespace GPano; ilf:latlong and ilf:pose in .exr and .hdr),
  * each group 0 where it is not stated. */
 typedef struct img_panorama {
     double

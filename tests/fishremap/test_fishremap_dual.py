@@ -295,6 +295,16 @@ def test_exposures_are_matched_and_the_residual_is_said(tmp_path, gain):
     assert "as given" in r.err and json.loads((tmp_path / "r.json").read_text())["second_gain"] == 2
 
 
+def test_colours_that_differ_are_said_and_left(tmp_path):
+    a, b = np.split(lit(U.lobes(count=12, sharpest=1.5)), 2, 1)
+    for tint, said in (((1.2, 1, .8), True), ((1, 1, 1), False)):
+        U.write_exr(tmp_path / "in.exr", beside(a, b * tint))
+        r = run("fishremap", "--dual", *LENS, "--to", "latlong", "--size", "128x64", "-o", tmp_path / "o.exr", "--report", tmp_path / "r.json", tmp_path / "in.exr")
+        report = json.loads((tmp_path / "r.json").read_text())
+        assert ("colours differ" in r.err) == said
+        assert np.allclose(np.array(report["second_colour"]) * report["second_gain"], 1 / np.array(tint), rtol=.01)
+
+
 def test_energy_of_lamps_however_they_fall(tmp_path):
     """Lamps in one circle, in the other, in the seam: each keeps its energy."""
     for lon, lat in ((0, 10), (180, -20), (90, 0), (-88, 30), (93, -50)):

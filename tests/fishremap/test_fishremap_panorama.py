@@ -107,6 +107,19 @@ def test_a_stated_pose_is_used_where_asked_for_and_else_said(tmp_path, ending, h
     assert r.err == ""
 
 
+def test_a_series_keeps_what_its_pictures_state(tmp_path):
+    """By way of hdrgen: the part that they show, and how the camera leaned."""
+    facts = crop(0, 90, 720, 180, 720, 360)
+    for k in range(2):
+        save(tmp_path / f"{k}.png", panorama(240, 60, pose(90, 0, 6), top=45, bottom=-45), xmp(PoseRollDegrees=6, **facts))
+    (tmp_path / "times.txt").write_text("0.png 1\n1.png .5\n")
+    run("hdrgen", "--response", "srgb", "--times", tmp_path / "times.txt", "-o", tmp_path / "m.exr", tmp_path / "0.png", tmp_path / "1.png")
+    r = run("fishremap", "--from", "latlong", *TO_PROBE, "-o", tmp_path / "o.exr", tmp_path / "m.exr")
+    assert "45 to -45" in r.err and "roll 6" in r.err and "--pose stated" in r.err
+    r = run("fishremap", "--from", "latlong", "--to", "latlong", "--size", "64x32", "-o", tmp_path / "o.exr", tmp_path / "m.exr")
+    assert "--tilt 0 --rotate -6" in r.err
+
+
 def test_a_pose_that_is_not_stated_is_missed(tmp_path):
     save(tmp_path / "p.png", panorama(64, 32), xmp())
     r = run("fishremap", "--from", "latlong", "--pose", "stated", *TO_PROBE, "-o", tmp_path / "o.exr", tmp_path / "p.png", code=1)

@@ -223,6 +223,19 @@ static void tell(outcome *o, const settings *s, double matched)
                 : "");
 }
 
+/* One factor serves all colours: light is not coloured anew by a guess. */
+static void tell_colours(outcome *o, const settings *s)
+{
+    const double *c = o->second_colour;
+    double worst = 0;
+    for (int k = 0; k < 3; k++) worst = fmax(worst, fabs(c[k] - 1));
+    if (worst > 0.03)
+        outcome_note(o,
+                     "%s: the circles' colours differ: the second's red, green, blue would be times %.3g, "
+                     "%.3g, %.3g more (not done)",
+                     s->in, c[0], c[1], c[2]);
+}
+
 /* Without --fov the fields are a choice of ours. */
 static void tell_fields(outcome *o, const settings *s)
 {
@@ -249,6 +262,7 @@ int dual_remap(float *rgb, float *alpha, outcome *o, session w[2], const setting
         if (s->to == VIEW_LATLONG && !isnan(s->heading_deg)) say_zenith(o, s);
         tell_fields(o, s);
         tell(o, s, matched);
+        tell_colours(o, s);
         merge_blend(&p, o->second_gain, 1);
     }
     free(rgb2);

@@ -48,22 +48,45 @@ static int ratio(sample *out, const merge_views *p, size_t i)
     return 1;
 }
 
+/* The median ratio of one colour, over what has a say. */
+static double colour_ratio(sample *q, const merge_views *p, const size_t *at, const double *say, size_t n,
+                           int c)
+{
+    size_t k = 0;
+    for (size_t i = 0; i < n; i++) {
+        const float a = p->rgb[0][3 * at[i] + (size_t)c], b = p->rgb[1][3 * at[i] + (size_t)c];
+        if (a > 0 && b > 0) q[k++] = (sample){log((double)a / (double)b), say[i]};
+    }
+    return k ? exp(weighted_median(q, k)) : NAN;
+}
+
+/* The factor, what is left, and the colours, from k samples at texels at[]. */
+static void settle(outcome *o, sample *q, double *say, const size_t *at, size_t k, const merge_views *p)
+{
+    for (size_t i = 0; i < k; i++) say[i] = q[i].w;
+    const double middle = weighted_median(q, k);
+    for (size_t i = 0; i < k; i++) q[i].v = fabs(q[i].v - middle);
+    o->second_gain = exp(middle);
+    o->second_residual = 1.4826 * weighted_median(q, k);
+    for (int c = 0; c < 3; c++) o->second_colour[c] = colour_ratio(q, p, at, say, k, c) / o->second_gain;
+}
+
 int merge_match(outcome *o, const merge_views *p, errmsg *e)
 {
     size_t n = (size_t)p->dst->width * (size_t)p->dst->height, k = 0;
     sample *q = malloc(n * sizeof *q);
-    if (!q) return err_set(e, "out of memory");
+    size_t *at = malloc(n * sizeof *at);
+    double *say = malloc(n * sizeof *say);
+    const int bad = !q || !at || !say;
     o->second_gain = 1, o->second_residual = o->second_overlap = 0;
-    for (size_t i = 0; i < n; i++)
-        if (ratio(q + k, p, i)) o->second_overlap += q[k++].w;
-    if (o->second_overlap >= MERGE_LEAST_OVERLAP && k >= 16) {
-        double middle = weighted_median(q, k);
-        for (size_t i = 0; i < k; i++) q[i].v = fabs(q[i].v - middle);
-        o->second_gain = exp(middle);
-        o->second_residual = 1.4826 * weighted_median(q, k);
-    }
+    for (int c = 0; c < 3; c++) o->second_colour[c] = 1;
+    for (size_t i = 0; !bad && i < n; i++)
+        if (ratio(q + k, p, i)) o->second_overlap += q[k].w, at[k++] = i;
+    if (!bad && o->second_overlap >= MERGE_LEAST_OVERLAP && k >= 16) settle(o, q, say, at, k, p);
     free(q);
-    return 0;
+    free(at);
+    free(say);
+    return bad ? err_set(e, "out of memory") : 0;
 }
 
 /* Texel i from both: by how well they show its direction, and how much of it. */

@@ -22,7 +22,7 @@ typedef struct merge_views {
 /* o's second_gain: the second view's factor, the median ratio over the directions that both show well by
  * solid angle, so that what moved or shines at one side alone has no say; second_residual: robust relative
  * deviation that is left; second_overlap: steradians.  Too small an overlap (MERGE_LEAST_OVERLAP) gives factor
- * 1 and residual 0.  -1: no memory. */
+ * 1 and residual 0.  second_colour: what the median ratio of each colour is to that factor.  -1: no memory. */
 #define MERGE_LEAST_OVERLAP 0.05 /* sr, about 14 degrees across */
 int merge_match(outcome *o, const merge_views *p, errmsg *e);
 

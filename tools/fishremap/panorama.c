@@ -105,8 +105,13 @@ int panorama_pose(settings *t, outcome *o, const settings *s, const img *im, err
                      p->has_pose[0] ? "" : ", and heading taken as 0");
         return 0;
     }
-    const int level = fabs(p->pose_deg[1]) < 0.05 && fabs(p->pose_deg[2]) < 0.05;
-    if (any && !level && isnan(s->heading_deg) && s->tilt_deg == 0 && s->rotate_deg == 0)
-        outcome_note(o, "%s: its header's pose, %s degrees, is not used (--pose stated does)", s->in, words);
+    const double *q = p->pose_deg;
+    const int level = fabs(q[1]) < 0.05 && fabs(q[2]) < 0.05;
+    if (!any || level || !isnan(s->heading_deg) || s->tilt_deg != 0 || s->rotate_deg != 0) return 0;
+    if (s->to == VIEW_LATLONG)
+        outcome_note(o,
+                     "%s: its header's pose, %s degrees, is not used (--tilt %.4g --rotate %.4g levels it)",
+                     s->in, words, q[1], 0 - q[2]);
+    else outcome_note(o, "%s: its header's pose, %s degrees, is not used (--pose stated does)", s->in, words);
     return 0;
 }

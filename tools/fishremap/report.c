@@ -62,7 +62,11 @@ static int fill(json_t *j, const outcome *o)
     if (o->radius > 0)
         bad |= json_object_set_new(j, "centre", json_pack("[o, o]", number(o->cx), number(o->cy))) |
                json_object_set_new(j, "radius", number(o->radius));
-    if (o->circles[0].r > 0) bad |= json_object_set_new(j, "circles", circles_of(o));
+    if (o->circles[0].r > 0)
+        bad |= json_object_set_new(j, "circles", circles_of(o)) |
+               json_object_set_new(j, "second_colour",
+                                   json_pack("[o, o, o]", number(o->second_colour[0]),
+                                             number(o->second_colour[1]), number(o->second_colour[2])));
     if (o->second_gain > 0)
         bad |= json_object_set_new(j, "second_gain", number(o->second_gain)) |
                json_object_set_new(j, "second_residual", number(o->second_residual)) |
