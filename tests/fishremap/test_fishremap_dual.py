@@ -99,6 +99,26 @@ def test_circles_where_they_are(tmp_path):
     assert np.abs(got - want * [-1, -1, 1]).max() < .025
 
 
+def test_circles_are_found(tmp_path):
+    """A room through two lenses that are not in their halves' middles; where there is none, that is said with its number."""
+    scene = U.lobes(count=12, sharpest=1.5)
+    picture, at = np.zeros((300, 600, 3)), ((140.3, 155.6, 118.4), (452.8, 147.2, 121.7))
+    for k, ((x, y, r), R) in enumerate(zip(at, (np.eye(3), BACK))):
+        part = U.disc(scene_of(scene, R), 300, 300, x - 300 * k, y, r, lambda q: q * np.radians(100), samples=3, outside=0)
+        picture[:, 300 * k:300 * k + 300] = part
+    U.write_exr(tmp_path / "in.exr", picture + .002)
+    args = ("--circles", "auto", *LENS, "--to", "latlong", "--size", "128x64", "-o", tmp_path / "o.exr", "--report", tmp_path / "r.json", tmp_path / "in.exr")
+    run("fishremap", *args)
+    found = [c["centre"] + [c["radius"]] for c in json.loads((tmp_path / "r.json").read_text())["circles"]]
+    assert np.abs(np.array(found) - at).max() < .6
+    got, want = U.read_exr(tmp_path / "o.exr")[0][..., :3], scene(panorama(128, 64))
+    assert np.median(np.abs(got / want - 1)) < .02
+    picture[:, 300:] = .01
+    U.write_exr(tmp_path / "in.exr", picture + .002)
+    r = run("fishremap", *args, code=1)
+    one_line_error(r, "fishremap", "second circle", "in.exr")
+
+
 @pytest.mark.parametrize("degrees", [(90, -90), (180, 0), (-90, -90)])
 def test_circles_that_lie_on_their_sides(tmp_path, degrees):
     a, b = (turned(p, k) for p, k in zip(plain(), degrees))
@@ -221,6 +241,19 @@ def test_the_real_calibration_against_opencv(tmp_path):
         ok = np.isfinite(t) & (t < np.radians(89))
         xy, _ = cv2.fisheye.projectPoints(p[ok][None] / p[ok][:, 2:][None], np.zeros(3), np.zeros(3), K, D)
         assert np.abs(xy[0] - np.stack([columns.ravel(), rows.ravel()], -1)[ok]).max() < .05
+
+
+def test_given_circles_keep_a_calibrations_shape(tmp_path):
+    """fx and fy that differ by a tenth, circles given at the frame's edge: the radius is that to the right, at half the field of view."""
+    n, D = 300, (.02, -.004, 0, 0)
+    half = np.radians(95)
+    focal = 140 / (half * (1 + D[0] * half ** 2 + D[1] * half ** 4))
+    K = matrix(focal, .9 * focal, 139.5, 149.5)
+    d, theta = field(K, D, n, n)
+    halves = [np.where((theta < half * 1.02)[..., None], (1 + in_camera(d, R)) / 2, 0) for R in (np.eye(3), BACK)]
+    (tmp_path / "lens").write_text(own_lens(K, D, (1000, 1000)))
+    got, want, seen, _ = remap(tmp_path, beside(*halves), "--circles", f"140,150,140 {n + 140},150,140", "--lens", tmp_path / "lens", "--fov", 190)
+    assert (seen == 1).all() and np.abs(got - want).max() < .02 and np.median(np.abs(got - want)) < .001
 
 
 def test_a_rotation_that_is_left_out_shows(tmp_path):

@@ -18,6 +18,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "circle.h"
 #include "falloff.h"
 #include "lensfile.h"
 #include "merge.h"
@@ -60,13 +61,13 @@ static int cut(img *out, const img *im, box b, errmsg *e)
 static int read_lens(lens *l, outcome *o, const settings *s, const img *im, int k, box b, errmsg *e)
 {
     char said[512];
-    const double whole[4] = {b.x, b.y, im->info.width, im->info.height}, middle[2] = {b.w / 2., b.h / 2.};
-    const int own = k && s->lens2;
+    const double whole[4] = {b.x, b.y, im->info.width, im->info.height};
+    const int own = k && s->lens2,
+              given = s->ncircles > 0; /* a given circle is in no picture's coordinates */
     const lens_use use = {.fov_deg = s->fov_deg,
-                          .width = b.w,
-                          .height = b.h,
-                          .placed = s->ncircles > 0,
-                          .centre = s->ncircles ? middle : NULL,
+                          .width = given ? 0 : b.w,
+                          .height = given ? 0 : b.h,
+                          .placed = given,
                           .camera = s->lens2 ? 0 : k + 1,
                           .inscribed = 1,
                           .of_whole = whole};
@@ -114,24 +115,36 @@ static int states_rotation(const lens *l)
     return 0;
 }
 
-/* Circle k as a chart of the picture that b cuts out; c[0] is there when c[1] is made.  Turned as the camera only
+/* Centre and radius of circle k in the part that b cuts out: given, from the camera matrix, found, or the largest. */
+static int find_place(double q[3], const settings *s, const lens *l, const img *part, int k, box b, errmsg *e)
+{
+    const int matrix = l->focal_px > 0;
+    circle_found f;
+    errmsg why;
+    if (s->ncircles) {
+        q[0] = s->circle[k][0] - b.x, q[1] = s->circle[k][1] - b.y, q[2] = s->circle[k][2];
+        return 0;
+    }
+    q[0] = matrix ? l->centre_px[0] : b.w / 2., q[1] = matrix ? l->centre_px[1] : b.h / 2.;
+    q[2] = matrix ? l->focal_px / l->scale : fmin(b.w, b.h) / 2.;
+    if (!s->circles_auto) return 0;
+    if (circle_find(&f, part->pix, b.w, b.h, CIRCLE_LENS, matrix ? q[2] : 0, &why))
+        return err_set(e, "%s: %s circle, in its half: %s (of both: --circles)", s->in,
+                       k ? "second" : "first", why.text);
+    q[0] = f.x, q[1] = f.y;
+    if (!matrix) q[2] = f.r;
+    return 0;
+}
+
+/* Circle k as a chart of the part that b cuts out of im; c[0] is there when c[1] is made.  Turned as the camera only
  * later. */
-static int place(chart c[2], outcome *o, const settings *s, const img *im, int k, box b, errmsg *e)
+static int place(chart c[2], outcome *o, const settings *s, const img *im, const img *part, int k, box b,
+                 errmsg *e)
 {
     lens l;
-    if (read_lens(&l, o, s, im, k, b, e)) return -1;
-    const double *q = s->circle[k];
-    const int given = s->ncircles > 0, matrix = l.focal_px > 0;
-    const double x = given    ? q[0] - b.x
-                     : matrix ? l.centre_px[0]
-                              : b.w / 2.,
-                 y = given    ? q[1] - b.y
-                     : matrix ? l.centre_px[1]
-                              : b.h / 2.,
-                 r = given    ? q[2]
-                     : matrix ? l.focal_px / l.scale
-                              : fmin(b.w, b.h) / 2.;
-    chart_disc(c + k, b.w, b.h, &l, x, y, r, 0, 0, 0, 0);
+    double q[3];
+    if (read_lens(&l, o, s, im, k, b, e) || find_place(q, s, &l, part, k, b, e)) return -1;
+    chart_disc(c + k, b.w, b.h, &l, q[0], q[1], q[2], 0, 0, 0, 0);
     if (k && states_rotation(&l)) {
         if (s->circle_rotate[1] != 0)
             return err_set(
@@ -162,7 +175,20 @@ static int correct_falloff(img *im, outcome *o, const settings *s, const chart *
     return rc;
 }
 
-/* One circle, remapped. */
+/* One circle, remapped from its part of the picture. */
+static int remap_part(float *rgb, float *alpha, chart c[2], outcome *o, session *w, const settings *s,
+                      const img *im, img *part, int all_good, int k, box b, const chart *dst, errmsg *e)
+{
+    if (place(c, o, s, im, part, k, b, e)) return -1;
+    chart turned = c[k];
+    turn_chart(&turned, s, 0);
+    if (s->falloff && correct_falloff(part, o, s, &turned, im->info.f_number, k, e)) return -1;
+    hide_nadir(part->pix, &all_good, &turned, s->circle_rotate[k] * DEG, s->nadir_deg * DEG);
+    o->circles[k] = (sphere_seen){turned.cx + b.x, turned.cy + b.y, turned.radius};
+    o->circle_half_deg[k] = turned.lens.half / DEG;
+    return remap_picture(rgb, alpha, o, w, s, part, all_good, &turned, dst, e);
+}
+
 static int one(float *rgb, float *alpha, chart c[2], outcome *o, session *w, const settings *s, const img *im,
                int all_good, int k, const chart *dst, errmsg *e)
 {
@@ -172,16 +198,9 @@ static int one(float *rgb, float *alpha, chart c[2], outcome *o, session *w, con
         return err_set(
             e, "%s: expected circles that reach into the picture (%d x %d), found centre %g,%g radius %g",
             s->in, im->info.width, im->info.height, s->circle[k][0], s->circle[k][1], s->circle[k][2]);
-    if (place(c, o, s, im, k, b, e)) return -1;
-    chart turned = c[k];
-    turn_chart(&turned, s, 0);
     if (cut(&part, im, b, e)) return -1;
-    int rc = s->falloff ? correct_falloff(&part, o, s, &turned, im->info.f_number, k, e) : 0;
-    hide_nadir(part.pix, &all_good, &turned, s->circle_rotate[k] * DEG, s->nadir_deg * DEG);
-    rc = rc ? rc : remap_picture(rgb, alpha, o, w, s, &part, all_good, &turned, dst, e);
+    const int rc = remap_part(rgb, alpha, c, o, w, s, im, &part, all_good, k, b, dst, e);
     img_free(&part);
-    o->circles[k] = (sphere_seen){turned.cx + b.x, turned.cy + b.y, turned.radius};
-    o->circle_half_deg[k] = turned.lens.half / DEG;
     return rc;
 }
 

@@ -93,11 +93,16 @@ static int opt_corners(const char *v, void *arg, errmsg *e)
     return 0;
 }
 
-/* Both circles: X,Y,R X,Y,R. */
+/* Both circles: X,Y,R X,Y,R, or auto. */
 static int opt_circles(const char *v, void *arg, errmsg *e)
 {
     settings *s = arg;
     double q[6];
+    s->circles_auto = strcmp(v, "auto") == 0;
+    if (s->circles_auto) {
+        s->dual = 1, s->ncircles = 0;
+        return 0;
+    }
     char *copy = strdup(v);
     errmsg why;
     if (!copy) return err_set(e, "out of memory");
@@ -106,7 +111,8 @@ static int opt_circles(const char *v, void *arg, errmsg *e)
     const int bad = cli_parse_doubles(q, 6, copy, ",", &why);
     free(copy);
     if (bad || !within(q, 6, FARTHEST) || !(q[2] > 0) || !(q[5] > 0))
-        return err_set(e, "expected two circles \"X,Y,R X,Y,R\" in pixels, R above 0, found %.80s", v);
+        return err_set(e, "expected auto, or two circles \"X,Y,R X,Y,R\" in pixels, R above 0, found %.80s",
+                       v);
     memcpy(s->circle, q, sizeof q);
     s->ncircles = 2;
     s->dual = 1;
@@ -322,7 +328,8 @@ static const cli_opt options[] = {
     {"dual", 0, CLI_FLAG, &cfg.dual, NULL, NULL,
      "IN shows two circles, one in each half, of lenses that look opposite ways; merge them"},
     {"circles", 0, CLI_CALL, &cfg, opt_circles, "\"X,Y,R X,Y,R\"",
-     "the same, where the circles are: the lens that looks ahead, then the other"},
+     "the same, where the circles are: of the lens that looks ahead, then the other; or auto: fit one in "
+     "each half"},
     {"circle-rotate", 0, CLI_CALL, &cfg, opt_circle_rotate, "DEG,DEG",
      "turn each circle's picture counter-clockwise about its centre, to stand upright (default 0,0)"},
     {"falloff", 0, CLI_CALL, &cfg, opt_falloff, "FILE",

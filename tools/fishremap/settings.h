@@ -39,9 +39,9 @@ typedef struct settings {
     double pose[3];     /* heading, pitch, roll, degrees */
     double nadir_deg;   /* half angle about straight down that is not used */
     /* two circles in one picture */
-    int dual, ncircles;      /* ncircles: 2, or 0 for the largest in each half */
-    double circle[2][3];     /* X, Y, R */
-    double circle_rotate[2]; /* NaN: 0 */
+    int dual, circles_auto, ncircles; /* ncircles: 2, or 0 for the largest in each half */
+    double circle[2][3];              /* X, Y, R */
+    double circle_rotate[2];          /* NaN: 0 */
     outside_mode outside;
     double filter_sd; /* of the texels' Gaussian, in texels; 0: means over their area */
     int half_float;   /* 1 half, 0 float, -1 as it fits */
