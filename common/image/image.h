@@ -29,6 +29,18 @@
 #define IMG_MAX_SIDE   (1 << 17)
 #define IMG_MAX_PIXELS ((int64_t)1 << 31)
 
+/* What a file states about its equirectangular panorama (XMP's namespace GPano; ilf:latlong and ilf:pose in .exr and .hdr),
+ * each group 0 where it is not stated. */
+typedef struct img_panorama {
+    double
+        shows_deg[4]; /* longitudes of the left and right edge (0: the whole panorama's middle, growing to the
+                            right), latitudes of the upper and lower edge: as stated, be it possible or not */
+    double aspect;    /* width over height, in pixels, that the picture should have for it */
+    int has_pose[3];  /* 1: stated, of each of */
+    double pose_deg[3]; /* the camera's heading (compass: clockwise from north), pitch (nose up), roll (right
+                           side down) */
+} img_panorama;
+
 typedef struct img_info {
     int width, height; /* pixels, of the picture as it is given: turned and stretched */
     int channels;      /* 1 grey, 2 grey+alpha, 3 RGB, 4 RGB+alpha */
@@ -42,6 +54,7 @@ typedef struct img_info {
     double pixel_aspect; /* a pixel's height over its width, as stored; 1 when not stated */
     int cropped;         /* 1: the file holds a part only (EXR data window); alpha 0 is what it leaves open */
     int panorama;        /* 1: the file says that it is an equirectangular panorama (EXR envmap, GPano) */
+    img_panorama pano;   /* and what more it says of it */
 } img_info;
 
 /* How to take a picture; zeroes are the defaults, and so is NULL where one is expected.

@@ -1,8 +1,8 @@
 /*
- * image_exif.c - what blocks of metadata say of how a picture is to be looked at: EXIF's orientation
- * (Exif 2.3, tag 0x0112 of the first directory), XMP's GPano:ProjectionType.
+ * image_exif.c - how a picture is to be looked at: EXIF's orientation (Exif 2.3, tag 0x0112 of the first
+ * directory).
  *
- * Both are read from blocks in memory that may hold anything; what can't be read says nothing.  The
+ * It is read from a block in memory that may hold anything; what can't be read says nothing.  The
  * orientation is what libexif's exif_data_get_entry(EXIF_TAG_ORIENTATION) gives; here one number of each
  * picture's first directory is wanted, without libexif's copy of all that the block holds, and by programs
  * that don't link it.
@@ -35,14 +35,4 @@ int img_exif_orientation(const unsigned char *block, size_t n)
         return v >= 1 && v <= 8 ? (int)v : 1;
     }
     return 1;
-}
-
-int img_xmp_panorama(const unsigned char *block, size_t n)
-{
-    static const char key[] = "GPano:ProjectionType", value[] = "equirectangular";
-    const unsigned char *p = memmem(block, n, key, sizeof key - 1);
-    if (!p) return 0;
-    size_t left = n - (size_t)(p - block); /* as an attribute or as an element: the value follows at once */
-    if (left > sizeof key + sizeof value + 8) left = sizeof key + sizeof value + 8;
-    return memmem(p, left, value, sizeof value - 1) != NULL;
 }

@@ -72,8 +72,9 @@ int img_primaries(double m[3][3], const double xy[8]);
  * else 1. */
 int img_exif_orientation(const unsigned char *block, size_t n);
 
-/* Does an XMP packet somewhere in the block say that the picture is an equirectangular panorama (GPano)? */
-int img_xmp_panorama(const unsigned char *block, size_t n);
+/* Of a panorama (GPano) in an XMP packet somewhere in the block: into panorama and pano, unless they say so
+ * already. */
+void img_xmp_panorama(img_info *info, const unsigned char *block, size_t n);
 
 /* For TIFF and raw: is a TIFF one that holds camera raw data?  Leaves f where it was. */
 int img_tiff_is_raw(FILE *f);

@@ -69,7 +69,7 @@ static void jpeg_facts(img_reader *r, const struct jpeg_decompress_struct *jpeg)
         if (m->marker != JPEG_APP0 + 1) continue;
         if (m->data_length > 6 && memcmp(m->data, "Exif\0", 6) == 0 && !exif++)
             r->info.orientation = img_exif_orientation(m->data, m->data_length);
-        r->info.panorama |= img_xmp_panorama(m->data, m->data_length);
+        img_xmp_panorama(&r->info, m->data, m->data_length);
     }
 }
 

@@ -57,7 +57,7 @@ static void png_facts(img_reader *r)
             unsigned char *block = malloc((size_t)size + 1);
             if (block && fread(block, 1, (size_t)size, r->f) == (size_t)size) {
                 if (exif) r->info.orientation = img_exif_orientation(block, (size_t)size);
-                if (text) r->info.panorama |= img_xmp_panorama(block, (size_t)size);
+                if (text) img_xmp_panorama(&r->info, block, (size_t)size);
             }
             free(block);
         }

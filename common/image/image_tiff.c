@@ -169,6 +169,10 @@ static int tiff_open(img_reader *r, errmsg *e)
     if (TIFFGetField(s->tif, TIFFTAG_XRESOLUTION, &res[0]) &&
         TIFFGetField(s->tif, TIFFTAG_YRESOLUTION, &res[1]))
         img_density(r, (double)res[0], (double)res[1]);
+    uint32_t xmp_size = 0;
+    void *xmp = NULL;
+    if (TIFFGetField(s->tif, TIFFTAG_XMLPACKET, &xmp_size, &xmp) && xmp)
+        img_xmp_panorama(&r->info, xmp, xmp_size);
     r->info.orientation = orientation >= 1 && orientation <= 8 ? orientation : ORIENTATION_TOPLEFT;
     if (img_set_info(r, s->width, s->height, channels, max, e) < 0) return -1;
     return read_units(r, s, e);

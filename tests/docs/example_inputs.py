@@ -1,7 +1,7 @@
 """Files with the names that the examples of README and man pages use, small enough that these end quickly.
 
 make(folder) writes IMG_1.jpg ... IMG_5.jpg (EXIF times) and times.txt, fisheye.exr, flat.exr, source_00.exr ..., lens.txt,
-panorama.hdr, spheres.exr, left.exr, right.exr, probe.exr, probe_0.exr ..., room.ilf.exr, lamps.ilf.exr, rays.txt, room.rad, objects.rad,
+panorama.hdr, dual.exr and its rig.txt, spheres.exr, left.exr, right.exr, probe.exr, probe_0.exr ..., room.ilf.exr, lamps.ilf.exr, rays.txt, room.rad, objects.rad,
 surroundings.rad, view.vf, session.conf.  `with stage(folder):` has a stage at the name port.
 """
 import numpy as np
@@ -75,6 +75,16 @@ def write_lens(folder, n=256):
     (folder / "lens.txt").write_text("".join(f"{d} " + " ".join([f"{falloff(np.radians(d)):.5f}"] * 3) + "\n" for d in range(0, 94, 3)))
 
 
+def write_dual(folder, n=128):
+    """Both circles of a camera with lenses of 200 degrees, and their calibration."""
+    scene = U.lobes(count=8, sharpest=2)
+    halves = [U.fisheye(lambda d, s=s: scene(d * [s, 1, s]), n, 200, samples=2, outside=0) for s in (1, -1)]
+    U.write_exr(folder / "dual.exr", np.concatenate(halves, 1))
+    focal = n / 2 / np.radians(100)
+    one = f"kannala-brandt 0 0 0 0\ncamera {focal:.6g} {focal:.6g} {(n - 1) / 2} {(n - 1) / 2}\nsize {n} {n}\n"
+    (folder / "rig.txt").write_text(f"[front]\n{one}[back]\n{one}from-first -1 0 0  0 1 0  0 0 -1\n")
+
+
 def write_probes(folder):
     scene = U.lobes(count=8, sharpest=2)
     for k, name in enumerate(["probe", "left", "right", *(f"probe_{k}" for k in range(6))]):
@@ -104,6 +114,7 @@ def make(folder):
     lon, lat = np.meshgrid(np.pi - 2 * np.pi * (np.arange(128) + .5) / 128, np.pi / 2 - np.pi * (np.arange(64) + .5) / 64)
     U.write_exr(folder / "panorama.exr", scene(np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], -1)))
     run("fishremap", "--quiet", "--from", "latlong", "--to", "latlong", "--size", "128x64", "-o", "panorama.hdr", "panorama.exr", cwd=folder)
+    write_dual(folder)
     write_lamps(folder)
     U.write_exr(folder / "spheres.exr", photograph(U.lobes(count=3, sharpest=2), 12, 12, radius=15.)[0])
     write_probes(folder)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import example_inputs
-from conftest import TOP, environment, run
+import fishremap_util as U
+from conftest import BUILD, TOP, environment, run
 from ilf_util import random_ilf
 from process import execute
 
@@ -154,7 +155,8 @@ def test_the_formats_c_compiles(tmp_path):
 # make tutorial runs all of it; here, with few pixels, what is neither the capture nor needs it.
 
 TUTORIAL = TOP / "docs" / "TUTORIAL.md"
-SMALLER = [("--size 160", "--size 48"), ("-x 320 -y 240", "-x 24 -y 18"), ("-ad 128", "-ad 16")]
+SMALLER = [("--size 160", "--size 48"), ("-x 320 -y 240", "-x 24 -y 18"), ("-ad 128", "-ad 16"), ("-x 256 -y 256", "-x 32 -y 32"),
+           ("-x 512 -y 256 front.hdr 0 0 back.hdr 256 0", "-x 64 -y 32 front.hdr 0 0 back.hdr 32 0")]
 
 
 def few_pixels(words):
@@ -221,6 +223,21 @@ def test_the_tutorials_own_camera(tmp_path):
     for words in chapter_steps(5, 5, tmp_path):
         shell(tmp_path, words)
     assert "36 (6 x 6)" in run("stagectl", "plan", "own.conf", cwd=tmp_path).text
+
+
+def test_the_tutorials_ten_minutes(tmp_path):
+    """Chapter 6 up to its panoramas; where ilfpack knows positions it packs them, too."""
+    packs = "--positions" in run("ilfpack", "--help").text
+    for words in [*chapter_steps(1, 1, tmp_path), *chapter_steps(6, 6, tmp_path)]:
+        words = words.replace("make -C ../../scenes", f"make -s -C {TOP}/scenes BUILD={BUILD} QUIET=--quiet")
+        shell(tmp_path, words if packs or not words.rstrip().endswith("positions.txt") else f"{words.rstrip()} panoramas\n")
+    made = sorted(p.name for p in (tmp_path / "field").glob("p*.exr"))
+    assert made == [f"p{k:02}.exr" for k in range(1, 17)]
+    # the heading is that of the picture's middle: from under the warm lamp the cool one is where it hangs
+    run("fishremap", "--from", "latlong", "--heading", 42, "--size", "64x16", "-o", "x.exr", "field/p05.exr", cwd=tmp_path)
+    light, towards = U.read_exr(tmp_path / "x.exr")[0], np.array([.65 - .099, .375 - .334, 1.1 - .026])
+    bluest = U.probe(lambda d: d, 64, 16, 90, 2).reshape(-1, 3)[(light[..., 2] - light[..., 0]).argmax()]
+    assert bluest @ towards / np.linalg.norm(towards) > np.cos(np.radians(10)), bluest
 
 
 # ---- the manual and the API ----------------------------------------------------------------------------------

@@ -6,6 +6,8 @@ import stat
 
 import numpy as np
 import pytest
+
+import fishremap_util as U
 from conftest import BUILD, SHARED, TOP, environment, needed
 from process import execute
 
@@ -219,6 +221,20 @@ grey sphere ball
     assert values.size == 1600 and np.isfinite(values).all() and values.mean() > 0
     again = shell(tree, f"make -f '{tree}/share/ilf/chain/capture.mk' CAPTURE=session.conf QUIET=--quiet", tmp_path / "mine", raypath=False)
     assert again.returncode == 0 and "hdrgen" not in again.stdout + again.stderr
+
+
+def test_panoramas_from_an_installation(installed, tmp_path):
+    """scenes/panoramas.mk beside it: a list and a picture of radiance, up to the panorama that ilfpack would get."""
+    tree, _ = installed
+    if " " in str(tree):
+        (tmp_path / "tree").symlink_to(tree)
+        tree = tmp_path / "tree"
+    U.write_exr(tmp_path / "p.exr", np.ones((32, 64, 3)))
+    (tmp_path / "positions.txt").write_text("#: fishremap --size 32x16 --nadir 20\np.exr 0 0 0 90\n")
+    p = shell(tree, f"make -s -f '{tree}/share/ilf/chain/panoramas.mk' PANORAMAS=positions.txt QUIET=--quiet panoramas", tmp_path, raypath=False)
+    assert p.returncode == 0, p.stderr
+    got = U.read_exr(tmp_path / "field/p.exr")[0]
+    assert got.shape == (16, 32, 4) and np.allclose(got[..., :3][got[..., 3] == 1], 1) and (got[-1, :, 3] == 0).all()
 
 
 def test_prefix_may_be_relative_and_installing_twice_is_the_same(tmp_path):

@@ -141,9 +141,9 @@ static const char *const dist_keys[] = {"distortion_coefficients",
                                         NULL};
 
 /* Where the camera is: the path before a key that only a camera has.  Several cameras need a name. */
-static int find_camera(source *s, const char *camera, errmsg *e)
+static int find_camera(source *s, const char *camera, int which, errmsg *e)
 {
-    char list[256] = "";
+    char list[256] = "", second[sizeof s->at] = "";
     int found = 0, length;
     if (!camera && vision_tree_numbers(s->t, "fisheye_params.camera_matrix",
                                        &length)) { /* gyroflow: others are for other zooms */
@@ -165,7 +165,9 @@ static int find_camera(source *s, const char *camera, errmsg *e)
         if (camera && (before < 1 || strlen(camera) != before - 1 || strncmp(path, camera, before - 1) != 0))
             continue;
         if (strncmp(s->at, path, before) == 0 && strlen(s->at) == before && found) continue;
-        if (found++ == 0) snprintf(s->at, sizeof s->at, "%.*s", (int)before, path);
+        if (found > 1 && strncmp(second, path, before) == 0 && strlen(second) == before) continue;
+        snprintf(found ? second : s->at, sizeof second, "%.*s", (int)before, path);
+        found++;
         if (strlen(list) + before + 4 < sizeof list)
             snprintf(list + strlen(list), sizeof list - strlen(list), "%s%.*s", *list ? ", " : "",
                      before ? (int)before - 1 : 0, path);
@@ -173,6 +175,10 @@ static int find_camera(source *s, const char *camera, errmsg *e)
     if (found == 0)
         return err_set(e, "%s: expected a camera matrix or intrinsics%s%s, found none", s->name,
                        camera ? " of " : "", camera ? camera : "");
+    if (found == 2 && which) {
+        if (which == 2) strcpy(s->at, second);
+        return 0;
+    }
     if (found > 1)
         return err_set(e, "%s: expected one camera, found %s; name it as %s@NAME", s->name, list, s->name);
     return 0;
@@ -378,13 +384,21 @@ int calibration_is_tree(const char *text)
     return n > 0 && text[n] == ':';
 }
 
+/* Kalibr's transform of a camera chain, a 4 x 4 matrix that takes points of the camera before to this one. */
+static void read_rotation(lens *l, const source *s)
+{
+    int n;
+    const double *t = numbers(s, "T_cn_cnm1", &n);
+    for (int i = 0; t && n == 16 && i < 9; i++) l->from_first[i] = t[i / 3 * 4 + i % 3];
+}
+
 int calibration_tree(lens *l, char said[256], const char *text, const char *name, const char *camera,
-                     errmsg *e)
+                     int which, errmsg *e)
 {
     vision_tree *t;
     if (vision_tree_read(&t, text, name, e)) return -1;
     source s = {t, name, ""};
-    int n, rc = find_camera(&s, camera, e);
+    int n, rc = find_camera(&s, camera, which, e);
     if (!rc) {
         const double *q = numbers(&s, "intrinsics", &n);
         if (q) rc = read_kalibr(l, &s, q, n, e);
@@ -393,6 +407,7 @@ int calibration_tree(lens *l, char said[256], const char *text, const char *name
             rc = read_matrix(l, said, &s, q, n, e);
         }
     }
+    if (!rc) read_rotation(l, &s);
     vision_tree_free(t);
     return rc;
 }

@@ -21,11 +21,11 @@
 int calibration_is_ocam(const char *text);
 int calibration_is_tree(const char *text);
 
-/* Set the model, camera, shape and size of an unfinished lens.  camera: name of one of several, or NULL.
- * said: what had to be assumed, or
- * "".  Anything that is not understood is refused by name. */
+/* Set the model, camera, shape and size of an unfinished lens.  camera: name of one of several, or NULL;
+ * which: 1 or 2, where there are two and no name is given, else 0.  said: what had to be assumed, or "".
+ * Anything that is not understood is refused by name. */
 int calibration_ocam(lens *l, const char *text, const char *name, errmsg *e);
 int calibration_tree(lens *l, char said[256], const char *text, const char *name, const char *camera,
-                     errmsg *e);
+                     int which, errmsg *e);
 
 #endif

@@ -83,7 +83,7 @@ void chart_probe(chart *c, int width, int height, double polar_max)
     c->lon0 = -M_PI, c->lon_span = 2 * M_PI, c->polar_max = polar_max;
 }
 
-void chart_latlong(chart *c, int width, int height, double span)
+void chart_latlong(chart *c, int width, int height, double lon0, double span, double top, double bottom)
 {
     /* longitude 0 along n, 90 degrees along the picture's right, pole at v */
     static const double n[3] = {0, 0, 1}, right[3] = {-1, 0, 0}, v[3] = {0, 1, 0};
@@ -91,7 +91,23 @@ void chart_latlong(chart *c, int width, int height, double span)
     c->kind = CHART_GRID;
     c->width = width, c->height = height;
     rows_from(c->frame, n, right, v);
-    c->lon0 = -span / 2, c->lon_span = span, c->polar_max = M_PI;
+    c->lon0 = lon0, c->lon_span = span, c->polar_min = top, c->polar_max = bottom;
+}
+
+double chart_row_step(const chart *c)
+{
+    return (c->polar_max - c->polar_min) / c->height;
+}
+
+double chart_pole(const chart *c, int lower)
+{
+    return ((lower ? M_PI : 0) - c->polar_min) / chart_row_step(c);
+}
+
+int chart_whole(const chart *c)
+{
+    return c->kind == CHART_GRID && c->lon_span > 2 * M_PI * (1 - 1e-12) && c->polar_min < M_PI * 1e-12 &&
+           c->polar_max > M_PI * (1 - 1e-12);
 }
 
 void chart_disc_place(double *x, double *y, const chart *c, double px, double py)
@@ -110,8 +126,8 @@ int chart_project(double xy[2], const chart *c, const double d[3])
         double lon = atan2(p[1], p[0]);
         if (lon < c->lon0) lon += 2 * M_PI;
         xy[0] = (lon - c->lon0) * c->width / c->lon_span;
-        xy[1] = theta * c->height / c->polar_max;
-        return lon - c->lon0 <= c->lon_span && theta <= c->polar_max;
+        xy[1] = (theta - c->polar_min) / chart_row_step(c);
+        return lon - c->lon0 <= c->lon_span && theta >= c->polar_min && theta <= c->polar_max;
     }
     double r = c->radius * lens_radius(0, &c->lens, theta);
     double s = h > 0 ? r / h : 0;
@@ -127,7 +143,7 @@ int chart_unproject(double d[3], const chart *c, double x, double y)
     int inside = 1;
     if (c->kind == CHART_GRID) {
         double lon = c->lon0 + x * c->lon_span / c->width;
-        theta = y * c->polar_max / c->height;
+        theta = c->polar_min + y * (c->polar_max - c->polar_min) / c->height;
         cl = cos(lon), sl = sin(lon);
     } else {
         double dx, dy;
@@ -150,8 +166,8 @@ double chart_disc_scale(const chart *c)
 double chart_pixel_solid_angle(const chart *c, int x, int y)
 {
     if (c->kind == CHART_GRID) {
-        double step = c->polar_max / c->height;
-        return c->lon_span / c->width * 2 * sin(step * (y + 0.5)) * sin(step / 2);
+        double step = chart_row_step(c);
+        return c->lon_span / c->width * 2 * sin(c->polar_min + step * (y + 0.5)) * sin(step / 2);
     }
     double px, py;
     chart_disc_place(&px, &py, c, x + 0.5, y + 0.5);

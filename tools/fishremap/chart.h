@@ -38,8 +38,8 @@ typedef struct chart {
                            or 1 */
     double unshape[2][2]; /* its inverse */
     /* grid: azimuth = lon0 + x lon_span/width about the axis, counted from right to up;
-     * polar angle = y polar_max/height */
-    double lon0, lon_span, polar_max;
+     * polar angle = polar_min + y (polar_max - polar_min)/height */
+    double lon0, lon_span, polar_min, polar_max;
 } chart;
 
 /* A disc as a fisheye looking along n sees it (mirror = 0) or as a mirror sphere seen
@@ -50,8 +50,15 @@ void chart_disc(chart *c, int width, int height, const lens *l, double cx, doubl
 /* A light field's probe: azimuth -pi..pi from left to right, polar angle 0..polar_max down. */
 void chart_probe(chart *c, int width, int height, double polar_max);
 
-/* A panorama: n in the middle, v up, longitude growing to the picture's right (-u) over span. */
-void chart_latlong(chart *c, int width, int height, double span);
+/* Part of a panorama, n in the middle of the whole, v up: longitudes from lon0 (left; 0 is n, growing to the
+ * picture's right, -u) over span, polar angles about v from top to bottom.  The whole: -pi, 2 pi, 0, pi. */
+void chart_latlong(chart *c, int width, int height, double lon0, double span, double top, double bottom);
+
+/* Grid: polar angle of a pixel's height, where the poles lie (pixels from the upper edge; outside of the
+ * picture where it does not reach them), and whether it shows every direction. */
+double chart_row_step(const chart *c);
+double chart_pole(const chart *c, int lower);
+int chart_whole(const chart *c);
 
 /* Turn an unturned chart's frame as the camera stood.  Its picture is turned counter-clockwise as seen by
  * rotate, radians, before it is read; then its axis (disc), or middle (latlong), or pole (probe) leans by

@@ -85,7 +85,9 @@ static void add_row(double s[SUMS], const float *sums, const chart *out, const c
     const int h = fine->height, w = out->width, over_top = y < 0, over_bottom = y >= h;
     int x[2] = {X, X};
     if (over_top || over_bottom) {
-        if (!whole_turn(fine) || (over_bottom && fine->polar_max < M_PI * (1 - 1e-6))) return;
+        if (!whole_turn(fine) || (over_top && fine->polar_min > 1e-6) ||
+            (over_bottom && fine->polar_max < M_PI * (1 - 1e-6)))
+            return;
         y = over_top ? -1 - y : 2 * h - 1 - y;
         if (y < 0 || y >= h) return;
         x[0] = (X + w / 2) % w,

@@ -42,7 +42,7 @@ int main(int argc, char **argv)
 {
     errmsg e;
     outcome o = {0};
-    session shared = {0};
+    session shared[2] = {{0}, {0}};
     int n = cli_parse(&prog, argc, argv);
     usage_check(&cfg, n);
     if (cfg.out_w > IMG_MAX_SIDE || cfg.out_h > IMG_MAX_SIDE ||
@@ -55,20 +55,20 @@ int main(int argc, char **argv)
     }
     cfg.progress = cli_progress;
     cfg.command = cli_command_line(&prog, argc, argv);
-    shared.several = n > 1;
+    shared[0].several = shared[1].several = n > 1;
     const char *out = cfg.out;
     for (int k = 1; k <= n; k++) {
         char *name = n > 1 ? name_for(out, argv[k]) : NULL;
         cfg.in = argv[k];
         if (name) cfg.out = name;
         o.bad_pixels = 0, o.remark[0] = 0;
-        if (cfg.nu ? job_array(&o, &cfg, &e) : job_picture(&o, &shared, &cfg, &e))
+        if (cfg.nu ? job_array(&o, &cfg, &e) : job_picture(&o, shared, &cfg, &e))
             cli_fail(CLI_FAILED, "%s", e.text);
         tell(&o, cfg.in, n > 1);
         if (n > 1) cli_progress("pictures", k, n);
         free(name);
     }
-    session_free(&shared);
+    for (int k = 0; k < 2; k++) session_free(shared + k);
     if (cfg.report && report_write(cfg.report, &o, &e)) cli_fail(CLI_FAILED, "%s", e.text);
     free(o.spheres);
     return cli_end(CLI_OK);

@@ -6,16 +6,21 @@ static int fold_mask(img *im, const char *path, errmsg *e)
 {
     img m;
     if (img_load(&m, path, e)) return -1;
-    if (m.info.width != im->info.width || m.info.height != im->info.height) {
-        int w = m.info.width, h = m.info.height;
+    const int64_t w = m.info.width, h = m.info.height, W = im->info.width, H = im->info.height;
+    if (w > W || h > H || w * H != h * W) {
         img_free(&m);
-        return err_set(e, "%s: expected a mask of %d x %d pixels, as the picture, found %d x %d", path,
-                       im->info.width, im->info.height, w, h);
+        return err_set(
+            e,
+            "%s: expected a mask of %lld x %lld pixels, as the picture, or smaller with its aspect, "
+            "found %lld x %lld",
+            path, (long long)W, (long long)H, (long long)w, (long long)h);
     }
     float level = (float)(m.info.coded ? m.info.max_code / 2 : 0.5);
-    size_t n = (size_t)m.info.width * (size_t)m.info.height;
-    for (size_t i = 0; i < n; i++)
-        if (!(m.pix[i * (size_t)m.info.channels] >= level)) im->pix[4 * i + 3] = 0;
+    for (int64_t y = 0; y < H; y++)
+        for (int64_t x = 0; x < W; x++) {
+            int64_t at = (y * h / H * w + x * w / W) * m.info.channels;
+            if (!(m.pix[at] >= level)) im->pix[4 * (y * W + x) + 3] = 0;
+        }
     img_free(&m);
     return 0;
 }
@@ -30,6 +35,7 @@ int input_load(img *im, int *all_good, const settings *s, errmsg *e)
         img_free(&a);
         return -1;
     }
+    b.info.orientation = a.info.orientation, b.info.pano = a.info.pano;
     b.info.f_number = a.info.f_number, b.info.exposure_s = a.info.exposure_s, b.info.iso = a.info.iso;
     int ch = a.info.channels;
     size_t n = (size_t)a.info.width * (size_t)a.info.height;

@@ -55,6 +55,9 @@ typedef struct lens {
     double tangential;  /* |(p1, p2)| of a pinhole camera whose terms were left out */
     double shape[2][2]; /* (right, up) = radius shape (r cos psi, r sin psi): what makes the circle an
                            ellipse; all 0: a circle */
+    double
+        from_first[9]; /* rows: turns a first camera's coordinates (x right, y down, z ahead) to this one's;
+                             all 0: not stated */
 } lens;
 
 /* Kind from its name; -1 when it is none of the four that need no coefficients. */

@@ -12,6 +12,9 @@
  *   size W H                                of the picture that the camera matrix was made for
  *   table                                   then lines DEG R, angles growing; any scale
  *   fov DEG                                 field of view, if --fov is not given
+ *   from-first r11 r12 ... r33              of a second camera: turns the first one's coordinates to its own
+ *                                           (x right, y down, z ahead), as OpenCV's and Kalibr's rotations do
+ *   [NAME]                                  begins one of several cameras
  *
  * A camera matrix is for pictures of one size.  If that is stated, other sizes of the same aspect scale it
  * and others are refused; else the picture is taken to have it, if the principal point is near enough to its
@@ -30,6 +33,12 @@ typedef struct lens_use {
     int width, height; /* the picture's, or 0 */
     int placed;        /* the circle's radius is given: a camera matrix's focal length does not count */
     const double *centre; /* in pixels, instead of the camera matrix's, or NULL */
+    /* Two circles in one picture: */
+    int camera;    /* 1, 2: which one, where the file has two and no name is given */
+    int inscribed; /* without a field of view, to the nearest edge of the picture and not its corner */
+    const double
+        *of_whole; /* this picture's left and top in a larger one, and that one's width and height, for
+                                which the camera matrix may be as well; or NULL */
 } lens_use;
 
 /* spec: a model's name or a file's path, for one of several cameras PATH@NAME.  The lens is finished

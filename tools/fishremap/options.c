@@ -93,6 +93,85 @@ static int opt_corners(const char *v, void *arg, errmsg *e)
     return 0;
 }
 
+/* Both circles: X,Y,R X,Y,R, or auto. */
+static int opt_circles(const char *v, void *arg, errmsg *e)
+{
+    settings *s = arg;
+    double q[6];
+    s->circles_auto = strcmp(v, "auto") == 0;
+    if (s->circles_auto) {
+        s->dual = 1, s->ncircles = 0;
+        return 0;
+    }
+    char *copy = strdup(v);
+    errmsg why;
+    if (!copy) return err_set(e, "out of memory");
+    for (char *p = copy; *p; p++)
+        if (strchr(" \t;", *p)) *p = ',';
+    const int bad = cli_parse_doubles(q, 6, copy, ",", &why);
+    free(copy);
+    if (bad || !within(q, 6, FARTHEST) || !(q[2] > 0) || !(q[5] > 0))
+        return err_set(e, "expected auto, or two circles \"X,Y,R X,Y,R\" in pixels, R above 0, found %.80s",
+                       v);
+    memcpy(s->circle, q, sizeof q);
+    s->ncircles = 2;
+    s->dual = 1;
+    return 0;
+}
+
+static int opt_circle_rotate(const char *v, void *arg, errmsg *e)
+{
+    settings *s = arg;
+    if (cli_parse_doubles(s->circle_rotate, 2, v, ",", e)) return -1;
+    return within(s->circle_rotate, 2, TURNS) ? 0 : err_set(e, "expected two angles in degrees, found %s", v);
+}
+
+static int opt_latitudes(const char *v, void *arg, errmsg *e)
+{
+    settings *s = arg;
+    double q[2];
+    if (cli_parse_doubles(q, 2, v, ",", e)) return -1;
+    if (!(q[0] <= 90 && q[1] >= -90 && q[0] - q[1] >= 1e-6))
+        return err_set(e, "expected latitudes TOP,BOTTOM from 90 down to -90 degrees, found %s", v);
+    memcpy(s->latitudes, q, sizeof q);
+    return 0;
+}
+
+/* HEADING[,PITCH[,ROLL]], or stated. */
+static int opt_pose(const char *v, void *arg, errmsg *e)
+{
+    settings *s = arg;
+    int n = 1;
+    s->have_pose = 2;
+    if (strcmp(v, "stated") == 0) return 0;
+    s->have_pose = 1;
+    memset(s->pose, 0, sizeof s->pose);
+    for (const char *p = v; *p; p++) n += *p == ',';
+    if (n > 3) return err_set(e, "expected stated, or HEADING,PITCH,ROLL in degrees, found %s", v);
+    if (cli_parse_doubles(s->pose, n, v, ",", e)) return -1;
+    return within(s->pose, n, TURNS) ? 0 : err_set(e, "expected angles in degrees, found %s", v);
+}
+
+/* One file, or one for each of two circles. */
+static int one_or_two(const char **first, const char **second, const char *v, errmsg *e)
+{
+    if (*first && *second) return err_set(e, "expected one, or two for two circles, found a third: %s", v);
+    *(*first ? second : first) = v;
+    return 0;
+}
+
+static int opt_lens(const char *v, void *arg, errmsg *e)
+{
+    settings *s = arg;
+    return one_or_two(&s->lens, &s->lens2, v, e);
+}
+
+static int opt_falloff(const char *v, void *arg, errmsg *e)
+{
+    settings *s = arg;
+    return one_or_two(&s->falloff, &s->falloff2, v, e);
+}
+
 static int opt_plane(const char *v, void *arg, errmsg *e)
 {
     settings *s = arg;
@@ -213,6 +292,9 @@ settings cfg = {.from = VIEW_NONE,
                 .tilt_deg = NAN,
                 .tilt_to_deg = NAN,
                 .heading_deg = NAN,
+                .latitudes = {NAN, NAN},
+                .nadir_deg = NAN,
+                .circle_rotate = {NAN, NAN},
                 .hide_camera_deg = NAN,
                 .filter_sd = NAN,
                 .half_float = -1};
@@ -228,11 +310,14 @@ static ranged fov = {&cfg.fov_deg, 1e-9, 1e6, "an angle above 0"},
               heading = {&cfg.heading_deg, -TURNS, TURNS, ANGLES},
               distance = {&cfg.camera_distance, 1e-12, 1e12, "a length above 0 and up to 1e12"},
               diameter = {&cfg.diameter, 1e-12, 1e12, "a length above 0 and up to 1e12"},
-              hide = {&cfg.hide_camera_deg, 0, 89.999, "0 to below 90 degrees"};
+              hide = {&cfg.hide_camera_deg, 0, 89.999, "0 to below 90 degrees"},
+              nadir = {&cfg.nadir_deg, 0, 89.999, "0 to below 90 degrees"};
 
 static const cli_opt options[] = {
-    {"lens", 'l', CLI_STRING, &cfg.lens, NULL, "MODEL",
-     "equidistant, equisolid, stereographic, orthographic, or a lens file (FILE@NAME: one of its cameras)"},
+    {"lens", 'l', CLI_CALL, &cfg, opt_lens, "MODEL",
+     "equidistant, equisolid, stereographic, orthographic, or a lens file (FILE@NAME: one of its cameras); "
+     "twice "
+     "for two circles"},
     {"fov", 'f', CLI_CALL, &fov, opt_ranged, "DEG", "field of view of the image circle, degrees"},
     {"size", 's', CLI_CALL, &cfg, opt_size, "WxH", "output size, pixels; of each probe for an array"},
     {"centre", 'c', CLI_CALL, &cfg, opt_centre, "X,Y",
@@ -240,8 +325,15 @@ static const cli_opt options[] = {
      "circle"},
     {"radius", 'r', CLI_CALL, &radius, opt_ranged, "PX",
      "radius of the image circle (default: half the shorter side)"},
-    {"falloff", 0, CLI_STRING, &cfg.falloff, NULL, "FILE",
-     "divide by this brightness falloff (falloffcal's file, or polynomials)"},
+    {"dual", 0, CLI_FLAG, &cfg.dual, NULL, NULL,
+     "IN shows two circles, one in each half, of lenses that look opposite ways; merge them"},
+    {"circles", 0, CLI_CALL, &cfg, opt_circles, "\"X,Y,R X,Y,R\"",
+     "the same, where the circles are: of the lens that looks ahead, then the other; or auto: fit one in "
+     "each half"},
+    {"circle-rotate", 0, CLI_CALL, &cfg, opt_circle_rotate, "DEG,DEG",
+     "turn each circle's picture counter-clockwise about its centre, to stand upright (default 0,0)"},
+    {"falloff", 0, CLI_CALL, &cfg, opt_falloff, "FILE",
+     "divide by this brightness falloff (falloffcal's file, or polynomials); twice for two circles"},
     {"falloff-set", 0, CLI_STRING, &cfg.falloff_set, NULL, "NAME",
      "which set of a falloff file, such as f5.6"},
     {"aperture", 0, CLI_CALL, &aperture, opt_ranged, "N",
@@ -256,11 +348,17 @@ static const cli_opt options[] = {
      "towards this side of the (turned) picture, counter-clockwise from right (default 90: its top)"},
     {"heading", 0, CLI_CALL, &heading, opt_ranged, "DEG",
      "the camera looks at the horizon, n up, DEG counter-clockwise from u"},
+    {"pose", 0, CLI_CALL, &cfg, opt_pose, "H[,P[,R]]",
+     "the camera looks H degrees counter-clockwise from u, nose up by P, right side down by R; or stated: as "
+     "a "
+     "panorama's header says"},
     {"from", 0, CLI_CALL, &cfg, opt_from, "VIEW",
      "what IN is: fisheye (default), ball, probe, latlong (a panorama) or angular"},
     {"to", 0, CLI_CALL, &cfg, opt_to, "VIEW",
      "what OUT shall be: probe (default), fisheye, ball, latlong or angular"},
     {"span", 0, CLI_CALL, &span, opt_ranged, "DEG", "longitudes across a latlong picture (default 360)"},
+    {"latitudes", 0, CLI_CALL, &cfg, opt_latitudes, "TOP,BOTTOM",
+     "of a latlong picture's upper and lower edge, degrees (default: as IN states, else 90,-90)"},
     {"outside", 0, CLI_CALL, &cfg, opt_outside, "MODE",
      "directions that IN does not show: alpha (default; black, with an alpha channel), black, or hold "
      "(nearest in the column)"},
@@ -270,7 +368,9 @@ static const cli_opt options[] = {
      "write IN with the circles found, or given, drawn on it"},
     {"report", 0, CLI_STRING, &cfg.report, NULL, "FILE", "write what was found, and CPU times, as JSON"},
     {"mask", 'm', CLI_STRING, &cfg.mask, NULL, "FILE",
-     "picture of IN's size; where it is black, IN is not used"},
+     "picture of IN's size, or smaller with its aspect; where it is black, IN is not used"},
+    {"nadir", 0, CLI_CALL, &nadir, opt_ranged, "DEG",
+     "leave out what lies within DEG of straight below the camera (tripod, operator)"},
     {"array", 'a', CLI_CALL, &cfg, opt_array, "NxM", "IN shows N x M mirror spheres; OUT is a light field"},
     {"corners", 0, CLI_CALL, &cfg, opt_corners, "LIST",
      "corner spheres \"X,Y,R X,Y,R X,Y,R X,Y,R\": (0,0), (N-1,0), (N-1,M-1), (0,M-1), or auto"},
@@ -290,7 +390,7 @@ static const cli_opt options[] = {
      "its ball, pixels, and its camera's --tilt, --tilt-to and --rotate (default: as IN's), degrees"},
     {"second-mask", 0, CLI_STRING, &cfg.second_mask, NULL, "FILE", "as --mask, for the second picture"},
     {"second-gain", 0, CLI_CALL, &cfg, opt_second_gain, "G",
-     "factor of the second picture's light, or auto (default): matched over what both show"},
+     "factor of the second picture's (or circle's) light, or auto (default): matched over what both show"},
     {"layer", 0, CLI_STRING, &cfg.layer, NULL, "NAME",
      "which layer, part or view of an OpenEXR picture that has several"},
     {"dry-run", 0, CLI_FLAG, &cfg.dry_run, NULL, NULL,

@@ -23,8 +23,12 @@ typedef struct outcome {
     int rims_seen;            /* rims within a pixel of the grid */
     double rims_rms;          /* of the spheres' own rims about it, pixels */
     double second_gain, second_residual,
-        second_overlap; /* a second view's factor; relative deviation from IN, robust; steradians */
-    char remark[1024];  /* worth telling, or "" */
+        second_overlap; /* a second view's or circle's factor; relative deviation, robust; steradians */
+    double
+        second_colour[3];   /* by what more a second circle's colours would have to be multiplied; 1: alike */
+    sphere_seen circles[2]; /* two circles in one picture; r 0: none */
+    double circle_half_deg[2]; /* half their field of view */
+    char remark[1024];         /* worth telling, or "" */
 } outcome;
 
 /* Add to the remarks. */

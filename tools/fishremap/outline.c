@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define FLATNESS 0.02 /* source pixels */
+#define FLATNESS OUTLINE_FLATNESS
 /* In a grid's rows next to a pole, where a straight edge of the sphere is bent most and all pixels of a row
  * lie within one texel: a chord's sagitta there is light of a whole row. */
 #define POLAR       8 /* rows */
@@ -35,6 +35,7 @@ struct outliner {
     const chart *dst, *src;
     int sense;
     double period;        /* of x in the source; 0 for a disc */
+    double pole[2];       /* a grid's y of its upper and lower pole */
     int concentric, fine; /* fine: pieces per edge in the table below */
     double *circle;       /* concentric: unit vectors, width*fine + 1 */
     line top, bottom, side;
@@ -97,7 +98,10 @@ outliner *outliner_new(const chart *dst, const chart *src)
     o->ready = -1;
     o->sense = det3(dst->frame) * det3(src->frame) > 0 ? 1 : -1;
     o->widest = dst->kind == CHART_GRID ? WIDEST * dst->width / dst->lon_span : INFINITY;
-    if (src->kind == CHART_GRID) o->period = 2 * M_PI * src->width / src->lon_span;
+    if (src->kind == CHART_GRID) {
+        o->period = 2 * M_PI * src->width / src->lon_span;
+        for (int k = 0; k < 2; k++) o->pole[k] = chart_pole(src, k);
+    }
     o->concentric = dst->kind == CHART_GRID && src->kind == CHART_DISC && same_axis(dst, src);
     if (line_init(&o->top, dst->width + 1) || line_init(&o->bottom, dst->width + 1) ||
         line_init(&o->side, dst->width + 2))
@@ -165,7 +169,7 @@ static int refine(outliner *o, line *l, const double a[2], const double pa[2], c
     double dx = near(o, pb[0] - pa[0]), dy = pb[1] - pa[1];
     int wide = fabs(b[0] - a[0]) > o->widest;
     const int polar =
-        o->period > 0 && (fmin(pa[1], pb[1]) < POLAR || fmax(pa[1], pb[1]) > o->src->height - POLAR);
+        o->period > 0 && (fmin(pa[1], pb[1]) < o->pole[0] + POLAR || fmax(pa[1], pb[1]) > o->pole[1] - POLAR);
     const double flat = polar ? FLAT_POLAR : FLATNESS;
     if ((dx * dx + dy * dy < (polar ? SHORT_POLAR * SHORT_POLAR : 1) && !wide) || depth == 0) return 0;
     double m[2] = {0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])}, pm[2];
@@ -180,7 +184,7 @@ static int make_line(outliner *o, line *l, int y)
     int w = o->dst->width;
     l->n = 0;
     if (o->concentric) {
-        double theta = y * o->dst->polar_max / o->dst->height;
+        double theta = o->dst->polar_min + y * chart_row_step(o->dst);
         double r = o->src->radius * lens_radius(NULL, &o->src->lens, theta);
         int m = chords(r, o->dst->lon_span / w), stride = o->fine / m, n = w * m;
         memset(l->inside, theta <= o->src->lens.half, (size_t)w + 1);
@@ -273,7 +277,7 @@ static int close_over_pole(outliner *o)
     double gap = last + near(o, first - last) - first;
     if (fabs(gap) < 0.5 * o->period) return 0;
     for (int k = 0; k < o->npoly; k++) mean += o->poly[2 * k + 1] / o->npoly;
-    double half_turn = M_PI * o->src->height / o->src->polar_max, pole = mean < half_turn / 2 ? 0 : half_turn;
+    double pole = o->pole[mean > (o->pole[0] + o->pole[1]) / 2];
     if (add(o, first + gap, o->poly[1]) || add(o, first + gap, pole) || add(o, first + gap, pole)) return -1;
     o->poly[2 * o->npoly - 2] = first; /* a whole period back, along the pole */
     return 0;
@@ -282,6 +286,11 @@ static int close_over_pole(outliner *o)
 int outliner_sense(const outliner *o)
 {
     return o->sense;
+}
+
+int outliner_inside(const outliner *o, int x)
+{
+    return o->top.inside[x] & o->top.inside[x + 1] & o->bottom.inside[x] & o->bottom.inside[x + 1];
 }
 
 /* Does the source's field reach into texel x?  A corner may lie in it, an edge may cross it, or the texel may

@@ -3,7 +3,7 @@
  *
  * Row by row: edges shared by two texels are the same points for both, which is what makes the
  * remap's partition exact.  An edge that comes out curved is refined until its chords stay
- * within 0.02 source pixel.  One outliner is for one thread.
+ * within OUTLINE_FLATNESS.  One outliner is for one thread.
  */
 #ifndef OUTLINE_H
 #define OUTLINE_H
@@ -20,6 +20,11 @@ int outliner_row(outliner *o, int y);
 
 /* Which way round outlines run in the source picture: 1 clockwise on the screen (y down), -1 the other. */
 int outliner_sense(const outliner *o);
+
+/* Do all four corners of texel x of the ready row lie within the source's field? */
+int outliner_inside(const outliner *o, int x);
+
+#define OUTLINE_FLATNESS 0.02 /* source pixels that a chord may be off */
 
 /* Outline of texel x of the ready row: *n points in *xy, owned by the outliner, good until the
  * next call.  1: a closed contour; in a longitude grid x is continuous, may leave the picture, and is the

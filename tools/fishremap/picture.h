@@ -10,6 +10,6 @@
 #include "settings.h"
 
 /* One picture to another. */
-int job_picture(outcome *o, session *w, const settings *s, errmsg *e);
+int job_picture(outcome *o, session w[2], const settings *s, errmsg *e);
 
 #endif

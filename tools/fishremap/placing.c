@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "lensfile.h"
+#include "panorama.h"
 
 #define DEG (M_PI / 180)
 
@@ -77,18 +78,55 @@ int view_is_disc(view_kind kind)
     return kind == VIEW_FISHEYE || kind == VIEW_BALL || kind == VIEW_ANGULAR;
 }
 
+void say_zenith(outcome *o, const settings *s)
+{
+    outcome_note(
+        o,
+        "%s: with a heading n is up, and so the zenith is in the panorama's middle (--tilt and --rotate "
+        "alone level one)",
+        s->out);
+}
+
 int place_chart(chart *c, outcome *o, const settings *s, view_kind kind, const img *im, errmsg *e)
 {
     int w = im ? im->info.width : s->out_w, h = im ? im->info.height : s->out_h,
         out_turns = view_is_disc(s->to) && !view_is_disc(s->from);
     switch (kind) {
     case VIEW_PROBE: chart_probe(c, w, h, (s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG); break;
-    case VIEW_LATLONG: chart_latlong(c, w, h, s->span_deg * DEG); break;
+    case VIEW_LATLONG:
+        if (panorama_place(c, o, s, im, w, h, e)) return -1;
+        break;
     default:
         if (make_disc(c, o, s, kind, im, w, h, e)) return -1;
     }
-    if ((im == NULL) == (out_turns != 0)) turn_chart(c, s, kind == VIEW_BALL);
+    if ((im == NULL) != (out_turns != 0)) return 0;
+    settings t = *s;
+    if (im && kind == VIEW_LATLONG && panorama_pose(&t, o, s, im, e)) return -1;
+    turn_chart(c, &t, kind == VIEW_BALL);
+    if (im && s->to == VIEW_LATLONG && !isnan(t.heading_deg)) say_zenith(o, s);
     return 0;
+}
+
+/* In a panorama straight down is the lower pole; in a disc it lies at the axis's side that the picture's bottom
+ * shows, turned with the picture: rotate, radians, is what the picture must be turned by to stand upright. */
+static int below(const chart *c, double rotate, double angle, int x, int y)
+{
+    if (c->kind == CHART_GRID) return c->polar_min + (y + 0.5) * chart_row_step(c) > M_PI - angle;
+    double px, py;
+    chart_disc_place(&px, &py, c, x + 0.5, y + 0.5);
+    const double up = px * sin(rotate) + py * cos(rotate), r = hypot(px, py);
+    if (up >= 0 || up * up < r * r * cos(angle) * cos(angle)) return 0; /* not even at the horizon */
+    return sin(lens_angle(&c->lens, r)) * -up / r > cos(angle);
+}
+
+void hide_nadir(float *pix, int *all_good, const chart *c, double rotate, double angle)
+{
+    if (!(angle > 0)) return;
+    *all_good = 0;
+#pragma omp parallel for schedule(dynamic, 16)
+    for (int y = 0; y < c->height; y++)
+        for (int x = 0; x < c->width; x++)
+            if (below(c, rotate, angle, x, y)) pix[4 * ((size_t)y * (size_t)c->width + (size_t)x) + 3] = 0;
 }
 
 void hide_camera(float *pix, int *all_good, const chart *c, double angle)

@@ -18,8 +18,15 @@ int place_chart(chart *c, outcome *o, const settings *s, view_kind kind, const i
 /* A round picture: a fisheye's, a ball's, an angular map. */
 int view_is_disc(view_kind kind);
 
+/* That a panorama made with a heading has its zenith where one may not expect it. */
+void say_zenith(outcome *o, const settings *s);
+
 /* Take c's camera as the settings turn it (chart.h). */
 void turn_chart(chart *c, const settings *s, int mirror);
+
+/* What lies below the camera: pixels within angle (radians) of straight down, as the camera stands unless it is
+ * tilted, get alpha 0.  rotate: what a disc's picture must be turned by to stand upright, radians. */
+void hide_nadir(float *pix, int *all_good, const chart *c, double rotate, double angle);
 
 /* The camera sees itself in a ball: pixels within the hidden angle (radians) of the axis get alpha 0. */
 void hide_camera(float *pix, int *all_good, const chart *c, double angle);

@@ -28,6 +28,18 @@ static json_t *circle_of(const circle_found *c)
                      number(c->strength), "margin", number(c->margin), "apart", number(c->apart));
 }
 
+static json_t *one_circle(const outcome *o, int k)
+{
+    const sphere_seen *q = o->circles + k;
+    return json_pack("{s:[o, o], s:o, s:o}", "centre", number(q->x), number(q->y), "radius", number(q->r),
+                     "fov_deg", number(2 * o->circle_half_deg[k]));
+}
+
+static json_t *circles_of(const outcome *o)
+{
+    return json_pack("[o, o]", one_circle(o, 0), one_circle(o, 1));
+}
+
 static json_t *spheres_of(const outcome *o)
 {
     json_t *list = json_array();
@@ -50,6 +62,11 @@ static int fill(json_t *j, const outcome *o)
     if (o->radius > 0)
         bad |= json_object_set_new(j, "centre", json_pack("[o, o]", number(o->cx), number(o->cy))) |
                json_object_set_new(j, "radius", number(o->radius));
+    if (o->circles[0].r > 0)
+        bad |= json_object_set_new(j, "circles", circles_of(o)) |
+               json_object_set_new(j, "second_colour",
+                                   json_pack("[o, o, o]", number(o->second_colour[0]),
+                                             number(o->second_colour[1]), number(o->second_colour[2])));
     if (o->second_gain > 0)
         bad |= json_object_set_new(j, "second_gain", number(o->second_gain)) |
                json_object_set_new(j, "second_residual", number(o->second_residual)) |

@@ -2,6 +2,7 @@
 #include "result.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "image/image.h"
@@ -29,7 +30,7 @@ void outside_fill(float *rgb, float *alpha, int w, int h, outside_mode mode)
 }
 
 int result_write(const settings *s, const float *rgb, const float *alpha, int partial, const char *view,
-                 errmsg *e)
+                 const chart *c, errmsg *e)
 {
     img im;
     int ch = partial && s->outside == OUTSIDE_ALPHA ? 4 : 3;
@@ -44,13 +45,18 @@ int result_write(const settings *s, const float *rgb, const float *alpha, int pa
                                         [VIEW_PROBE] = "probe",
                                         [VIEW_LATLONG] = "latlong",
                                         [VIEW_ANGULAR] = "angular"};
-    img_attr attrs[3] = {{.name = "ilf:chart", .kind = IMG_ATTR_STRING, .s = names[s->to]}};
+    img_attr attrs[4] = {{.name = "ilf:chart", .kind = IMG_ATTR_STRING, .s = names[s->to]}};
     img_write_opts opts = {
         .type = IMG_FLOAT, .compression = s->compression, .comment = s->command, .attrs = attrs, .nattrs = 1};
     if (s->to == VIEW_PROBE)
         attrs[opts.nattrs++] = (img_attr){.name = "ilf:polarMax",
                                           .kind = IMG_ATTR_FLOAT,
                                           .v = {(s->polar_max_deg > 0 ? s->polar_max_deg : 90) * DEG}};
+    char shown[128];
+    snprintf(shown, sizeof shown, "%.9g %.9g %.9g %.9g", c->lon0 / DEG, (c->lon0 + c->lon_span) / DEG,
+             90 - c->polar_min / DEG, 90 - c->polar_max / DEG);
+    if (s->to == VIEW_LATLONG && !chart_whole(c))
+        attrs[opts.nattrs++] = (img_attr){.name = "ilf:latlong", .kind = IMG_ATTR_STRING, .s = shown};
     if (view) attrs[opts.nattrs++] = (img_attr){.name = "VIEW", .kind = IMG_ATTR_STRING, .s = view};
     if (s->half_float == 1) opts.type = IMG_HALF;
     int rc = img_write(&im, s->out, &opts, e);

@@ -160,14 +160,16 @@ static int write_field(outcome *o, const settings *s, const img *im, const spher
     outfile *out = NULL;
     ilf_writer *w = NULL;
     ilf_error ie;
+    chart dst;
     int rc = -1;
+    chart_probe(&dst, s->out_w, s->out_h, polar_max);
     if (!rgb || !alpha) {
         err_set(e, "out of memory");
         goto done;
     }
     if (!is_field(s->out)) { /* one sphere, as a plain probe */
         rc = row_of_spheres(rgb, alpha, o, s, im, g, q, pose, 0, polar_max, e) ||
-                     result_write(s, rgb, alpha, o->covered < 1, NULL, e)
+                     result_write(s, rgb, alpha, o->covered < 1, NULL, &dst, e)
                  ? -1
                  : 0;
         goto done;

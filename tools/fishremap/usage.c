@@ -16,6 +16,22 @@ static int ends_with(const char *s, const char *end)
 
 static const char *const names[] = {"fisheye", "ball", "probe", "latlong", "angular"};
 
+/* --pose in words of the other options: first rolled (the picture turns the other way), then pitched, then
+ * headed. */
+static void take_pose(settings *s)
+{
+    if (!s->have_pose) return;
+    const char *other = !isnan(s->heading_deg)   ? "heading"
+                        : !isnan(s->tilt_deg)    ? "tilt"
+                        : !isnan(s->tilt_to_deg) ? "tilt-to"
+                        : !isnan(s->rotate_deg)  ? "rotate"
+                                                 : NULL;
+    if (other)
+        cli_fail(CLI_USAGE, "--%s: expected none beside --pose, which says how the camera stood", other);
+    if (s->have_pose == 2) return;
+    s->heading_deg = s->pose[0], s->tilt_deg = s->pose[1], s->rotate_deg = -s->pose[2];
+}
+
 static void check_needs(const settings *s, int operands)
 {
     if (operands < 1) cli_fail(CLI_USAGE, "expected an input picture, found none");
@@ -71,6 +87,9 @@ static void check_meaning(const settings *s)
     const int ball = array || from == VIEW_BALL, falloff = disc && from != VIEW_BALL;
     const int posed = array && s->nu > 1 && s->nv > 1 && s->camera_distance > 0;
     const int all = !array && s->polar_max_deg == 180; /* limits nothing, whatever the chart */
+    const int out_turns =
+        to != VIEW_PROBE && to != VIEW_LATLONG && (from == VIEW_PROBE || from == VIEW_LATLONG);
+    const int one_fisheye = !array && from == VIEW_FISHEYE && to != VIEW_FISHEYE;
     const int grid = array || to == VIEW_PROBE || to == VIEW_LATLONG;
     const rule rules[] = {
         {"from", array && s->from != VIEW_BALL, 0, "a picture of one thing, or none with mirror spheres"},
@@ -88,10 +107,26 @@ static void check_meaning(const settings *s)
          "a probe as IN or OUT"},
         {"span", s->span_deg > 0, !array && (from == VIEW_LATLONG || to == VIEW_LATLONG),
          "a latlong picture as IN or OUT"},
-        {"tilt", !isnan(s->tilt_deg), !posed,
+        {"tilt", !isnan(s->tilt_deg) && !s->have_pose, !posed,
          "an array without --camera-distance, from which the tilt follows"},
         {"tilt-to", !isnan(s->tilt_to_deg), !isnan(s->tilt_deg), "--tilt"},
-        {"heading", !isnan(s->heading_deg), !array, "one picture"},
+        {"heading", !isnan(s->heading_deg) && !s->have_pose, !array, "one picture"},
+        {"pose", s->have_pose,
+         !array && (s->have_pose == 1 || from == VIEW_LATLONG) && !(s->have_pose == 2 && out_turns),
+         s->have_pose == 2 ? "a panorama as IN, and no camera's picture as OUT" : "one picture"},
+        {"latitudes", !isnan(s->latitudes[0]), !array && (from == VIEW_LATLONG || to == VIEW_LATLONG),
+         "a latlong picture as IN or OUT"},
+        {"nadir", !isnan(s->nadir_deg), !array && (from == VIEW_LATLONG || from == VIEW_FISHEYE),
+         "a panorama or fisheye picture as IN"},
+        {"dual", s->dual && !s->ncircles && !s->circles_auto, one_fisheye,
+         "a fisheye picture as IN, and no fisheye as OUT"},
+        {"circles", s->dual && (s->ncircles || s->circles_auto), one_fisheye,
+         "a fisheye picture as IN, and no fisheye as OUT"},
+        {"circle-rotate", !isnan(s->circle_rotate[0]), s->dual, "--dual or --circles"},
+        {"lens", s->lens2 != NULL, s->dual, "one, as there is one circle (--dual, --circles: two)"},
+        {"falloff", s->falloff2 != NULL, s->dual, "one, as there is one circle (--dual, --circles: two)"},
+        {"centre", s->centre_auto || s->have_centre, !s->dual, "--circles, for two circles"},
+        {"radius", s->radius > 0, !s->dual, "--circles, for two circles"},
         {"outside", s->outside != OUTSIDE_NONE, !field || s->outside == OUTSIDE_HOLD,
          "hold: a light field of spheres has no alpha"},
         {"outside", s->outside == OUTSIDE_ALPHA, exr,
@@ -110,7 +145,7 @@ static void check_meaning(const settings *s)
         {"second", s->second != NULL, !array && from == VIEW_BALL, "--from ball"},
         {"second-view", s->second_view[2] > 0, s->second != NULL, "--second FILE"},
         {"second-mask", s->second_mask != NULL, s->second != NULL, "--second FILE"},
-        {"second-gain", s->have_second_gain, s->second != NULL, "--second FILE"},
+        {"second-gain", s->have_second_gain, s->second != NULL || s->dual, "--second FILE, or two circles"},
         {"type", s->half_float >= 0, exr, "an OUT that ends in .exr"},
         {"compression", s->compression != NULL, exr, "an OUT that ends in .exr"},
     };
@@ -121,12 +156,15 @@ void usage_check(settings *s, int operands)
 {
     if (s->from == VIEW_NONE) s->from = s->nu ? VIEW_BALL : VIEW_FISHEYE;
     if (s->to == VIEW_NONE) s->to = VIEW_PROBE;
+    take_pose(s);
     check_needs(s, operands);
     check_meaning(s);
-    if (!(s->span_deg > 0)) s->span_deg = 360;
     if (isnan(s->rotate_deg)) s->rotate_deg = 0;
     if (isnan(s->tilt_deg)) s->tilt_deg = 0;
     if (isnan(s->tilt_to_deg)) s->tilt_to_deg = 90;
+    if (isnan(s->nadir_deg)) s->nadir_deg = 0;
+    for (int k = 0; k < 2; k++)
+        if (isnan(s->circle_rotate[k])) s->circle_rotate[k] = 0;
     if (isnan(s->hide_camera_deg)) s->hide_camera_deg = 0;
     if (isnan(s->filter_sd)) s->filter_sd = 0;
     if (!(s->diameter > 0)) s->diameter = 1;

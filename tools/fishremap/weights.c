@@ -32,12 +32,12 @@ int geometry_init(geometry *g, const chart *dst, const chart *src, const unsigne
         g->per_area = malloc(2 * sizeof(float) * (size_t)h);
         if (!g->per_area) return err_set(e, "out of memory");
         g->per_area_grows = g->per_area + h;
-        double step = src->polar_max / h, wide = src->lon_span / w;
+        double step = chart_row_step(src), wide = src->lon_span / w;
         for (int y = 0; y < h; y++) {
             g->per_area[y] = (float)chart_pixel_solid_angle(src, 0, y);
-            g->per_area_grows[y] = (float)(wide * step * step * cos(step * (y + 0.5)));
+            g->per_area_grows[y] = (float)(wide * step * step * cos(src->polar_min + step * (y + 0.5)));
         }
-        g->whole = !skip && src->lon_span > 2 * M_PI * (1 - 1e-12) && src->polar_max > M_PI * (1 - 1e-12);
+        g->whole = chart_whole(src);
         return 0;
     }
     float *table = malloc(sizeof(float) * (TABLE + 2));
@@ -134,9 +134,9 @@ static int row_push(row *r, uint32_t px, double w, double wx, double wy)
 }
 
 /* Overlaps of the contour begun in b->cells, those above `least` pixels, become entries; *total gets the
- * solid angle. */
-static int collect(double *total, row *r, bench *b, const geometry *g, int x0, int y0, int x1, int y1,
-                   int sense, double least)
+ * solid angle, *hidden that of the pixels that don't count. */
+static int collect(double *total, double *hidden, row *r, bench *b, const geometry *g, int x0, int y0, int x1,
+                   int y1, int sense, double least)
 {
     const chart *s = g->src;
     size_t w = (size_t)(x1 - x0);
@@ -156,11 +156,15 @@ static int collect(double *total, row *r, bench *b, const geometry *g, int x0, i
             if (s->kind == CHART_GRID) px = ((x % s->width) + s->width) % s->width;
             size_t at = (size_t)y * (size_t)s->width + (size_t)px;
             double j = g->per_area[s->kind == CHART_GRID ? (size_t)y : at];
-            if (j <= 0 || (g->skip && g->skip[at])) continue;
+            if (j <= 0) continue;
             double weight = area * j; /* the mean of the solid angle per area over this piece: towards a pole
                                          it falls to 0 within a pixel */
             if (s->kind == CHART_GRID)
                 weight = fmax(weight + sense * c->my * (double)g->per_area_grows[y], 0);
+            if (g->skip && g->skip[at]) {
+                *hidden += weight;
+                continue;
+            }
             if (row_push(r, (uint32_t)at, weight, sense * c->mx * j, sense * c->my * j)) return -1;
             *total += weight;
         }
@@ -188,7 +192,8 @@ static int texel_centre(row *r, const geometry *g, int x, int y)
     chart_unproject(d, g->dst, x + 0.5, y + 0.5);
     chart_project(p, g->src, d);
     int px = clamp_int(p[0], 0, g->src->width - 1), py = clamp_int(p[1], 0, g->src->height - 1);
-    return row_push(r, (uint32_t)((size_t)py * (size_t)g->src->width + (size_t)px), 1, 0, 0);
+    const size_t at = (size_t)py * (size_t)g->src->width + (size_t)px;
+    return g->skip && g->skip[at] ? 0 : row_push(r, (uint32_t)at, 1, 0, 0);
 }
 
 static int texel(row *r, bench *b, const geometry *g, int x, int y)
@@ -197,7 +202,7 @@ static int texel(row *r, bench *b, const geometry *g, int x, int y)
     const double *xy;
     int n, sense = outliner_sense(b->lines), rc = outliner_texel(&xy, &n, b->lines, x);
     size_t first = r->n;
-    double total = 0;
+    double total = 0, hidden = 0;
     r->alpha[x] = 0;
     if (rc <= 0) return rc;
     double box[4];
@@ -226,14 +231,19 @@ static int texel(row *r, bench *b, const geometry *g, int x, int y)
         overlap_contour(b->cells, xy, n);
         if (around) overlap_contour(b->cells, b->rim, b->nrim);
         if (next != 0 && add_next_period(b, xy, n, next)) return -1;
-        if (collect(&total, r, b, g, x0, y0, x1, y1, sense, least)) return -1;
+        if (collect(&total, &hidden, r, b, g, x0, y0, x1, y1, sense, least)) return -1;
     }
     double full = chart_pixel_solid_angle(g->dst, x, y), share = full > 0 ? total / full : 0;
+    /* within the field what is missing is what chords cut off: the texel is what was measured */
+    const double measured = total + hidden, chords = OUTLINE_FLATNESS * extent / fmax(fabs(a), 1e-30);
+    if (g->whole || (outliner_inside(b->lines, x) && 1 - measured / full < chords))
+        share = measured > 0 ? total / measured : 0;
     /* an outline through a pole of the source may come out crossed where the texel is a speck there */
-    if (g->whole && full > 0 && full < 16 * (double)g->per_area[s->height / 2] && !(total > 0)) {
+    if (g->whole && full > 0 && full < 16 * (double)g->per_area[s->height / 2] && !(total > 0) &&
+        hidden == 0) {
         r->n = first;
         if (texel_centre(r, g, x, y)) return -1;
-        total = 1;
+        total = share = r->n > first;
     }
     if (!(total > 0)) return 0;
     const double per = 1 / total;
@@ -241,7 +251,7 @@ static int texel(row *r, bench *b, const geometry *g, int x, int y)
         entry *e = r->e + i;
         e->w = (float)(e->w * per), e->wx = (float)(e->wx * per), e->wy = (float)(e->wy * per);
     }
-    r->alpha[x] = (float)(share > 0.998 || (g->whole && full > 0) ? 1 : share);
+    r->alpha[x] = (float)(share > 0.998 ? 1 : share);
     return 0;
 }
 

@@ -123,6 +123,27 @@ static int attrs_of_flare(img_attr *to, const job *j)
     return count;
 }
 
+/* What the first shot states of the panorama that it is (image.h): its part, its camera's pose.  text holds it. */
+static int attrs_of_panorama(img_attr *to, char text[2][128], const job *j)
+{
+    const img_panorama *p = &frames_info(j->frames, 0)->pano;
+    const double *q = p->shows_deg;
+    int n = 0;
+    if (q[0] != 0 || q[1] != 0) {
+        snprintf(text[0], 128, "%.9g %.9g %.9g %.9g", q[0], q[1], q[2], q[3]);
+        to[n++] = (img_attr){.name = "ilf:latlong", .kind = IMG_ATTR_STRING, .s = text[0]};
+    }
+    if (!(p->has_pose[0] | p->has_pose[1] | p->has_pose[2])) return n;
+    text[1][0] = 0;
+    for (int k = 0; k < 3; k++) {
+        const size_t at = strlen(text[1]);
+        if (p->has_pose[k]) snprintf(text[1] + at, 128 - at, "%s%.9g", k ? " " : "", p->pose_deg[k]);
+        else snprintf(text[1] + at, 128 - at, "%sx", k ? " " : "");
+    }
+    to[n++] = (img_attr){.name = "ilf:pose", .kind = IMG_ATTR_STRING, .s = text[1]};
+    return n;
+}
+
 int output_write(const job *j, const output_opts *o, output_type *type_used, errmsg *e)
 {
     static const char *const sigma_names[2][3] = {{"sigma.Y"}, {"sigma.R", "sigma.G", "sigma.B"}};
@@ -136,7 +157,7 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
     float *alpha = j->facts.missing ? alpha_of(j->flags, pixels) : NULL;
     float *times = malloc(sizeof *times * (size_t)j->n), noise[9], balance[3];
     float *seconds = malloc(3 * sizeof *seconds * (size_t)j->n); /* then f-numbers, ISO */
-    char *names = image_names(j);
+    char *names = image_names(j), panorama[2][128];
     if ((j->count && !count) || (j->facts.missing && !alpha) || (o->want_flags && !flags) || !times ||
         !seconds || !names) {
         err_set(e, "%s: out of memory", o->path);
@@ -168,6 +189,7 @@ int output_write(const job *j, const output_opts *o, output_type *type_used, err
     int na = 6;
     na += attrs_of_shots(attrs + na, seconds, j);
     na += attrs_of_colours(attrs + na, balance, j, o->path);
+    na += attrs_of_panorama(attrs + na, panorama, j);
     if (j->opts.flare) na += attrs_of_flare(attrs + na, j);
     if (j->opts.patch[2] > 0 || j->opts.absolute) /* values are W/sr/m2: 179 lm/W is what white 1 is worth */
         attrs[na++] = (img_attr){.name = "whiteLuminance", .kind = IMG_ATTR_FLOAT, .v = {179}};
