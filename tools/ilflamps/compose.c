@@ -57,7 +57,7 @@ static void with_lamps(float *rgb, const analysis *a, const double o[3], int x, 
         const double py = y + (k / RAYS + .5) / RAYS, w = sin(py * a->f.dp);
         float v[3];
         double d[3];
-        lf_direction(d, &a->f, x + (k % RAYS + .5) / RAYS, py);
+        lf_direction(d, &a->f, LF_FIELD, x + (k % RAYS + .5) / RAYS, py);
         memcpy(v, rgb, sizeof v);
         if (d[2] > 0) rays_add_lamps(v, a, o, d);
         for (int c = 0; c < 3; c++) sum[c] += w * (double)v[c];
@@ -75,7 +75,7 @@ static int probe(float *out, const ilf *residual, const analysis *a, const doubl
         double d[3];
         ilf_error err;
         float *t = out + 3 * k;
-        lf_direction(d, &a->f, k % a->f.nt + .5, k / a->f.nt + .5);
+        lf_direction(d, &a->f, LF_FIELD, k % a->f.nt + .5, k / a->f.nt + .5);
         if (same >= 0) memcpy(t, lf_texel(&a->f, same, k % a->f.nt, k / a->f.nt), 3 * sizeof *t);
         else if (left_over(t, residual, a, o, d, &err)) {
 #pragma omp critical
