@@ -102,9 +102,8 @@ static int all_probes(ilf_writer *w, const ilf *residual, const analysis *a, int
     return bad;
 }
 
-int compose_write(const char *path, const analysis *a, int nu, int nv, const char *comments, errmsg *e)
+int compose_write_as(const char *path, const analysis *a, const ilf_spec *spec, errmsg *e)
 {
-    ilf_spec spec = lf_spec(&a->f);
     outfile *o = NULL, *temporary = NULL;
     ilf *residual = NULL;
     ilf_writer *w = NULL;
@@ -112,15 +111,22 @@ int compose_write(const char *path, const analysis *a, int nu, int nv, const cha
     int bad = out_begin(&o, path, e) || out_begin(&temporary, "-", e) ||
               lf_write(&a->f, out_path(temporary), NULL, e);
 
-    spec.n_u = nu, spec.n_v = nv, spec.comments = comments, spec.name = path;
     if (!bad && (ilf_open(&residual, out_path(temporary), &err) != ILF_OK ||
-                 ilf_writer_open(&w, out_path(o), &spec, &err) != ILF_OK))
+                 ilf_writer_open(&w, out_path(o), spec, &err) != ILF_OK))
         bad = err_set(e, "%s", err.text);
-    if (!bad) bad = all_probes(w, residual, a, nu, nv, e);
+    if (!bad) bad = all_probes(w, residual, a, spec->n_u, spec->n_v, e);
     if (w && bad) ilf_writer_abort(w);
     else if (w && ilf_writer_close(w, &err) != ILF_OK) bad = err_set(e, "%s", err.text);
     ilf_close(residual);
     out_abort(temporary);
     if (bad) out_abort(o);
     return bad ? -1 : out_commit(o, e);
+}
+
+int compose_write(const char *path, const analysis *a, int nu, int nv, const char *comments, errmsg *e)
+{
+    ilf_spec spec = lf_spec(&a->f);
+
+    spec.n_u = nu, spec.n_v = nv, spec.comments = comments, spec.name = path;
+    return compose_write_as(path, a, &spec, e);
 }
