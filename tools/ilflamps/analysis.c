@@ -84,9 +84,9 @@ static int explain(analysis *a, const plan *p, errmsg *e)
 
     for (int i = 0; i < a->n; i++)
         hidden |= a->lamps[i].fate == TAKEN && choose_needed(&a->lamps[i].l, &a->f);
-    bad = p->octree ? surroundings_from(&a->around, p->octree, &a->f, e)
-          : hidden  ? surroundings_guess(&a->around, &a->f, e)
-                    : 0;
+    bad = p->octree             ? surroundings_from(&a->around, p->octree, &a->f, e)
+          : hidden || a->f.free ? surroundings_guess(&a->around, &a->f, e)
+                                : 0;
     if (!bad && hidden) bad = pictures_make(&pics, &a->f, &a->around, e);
     for (int i = 0; i < a->n && !bad && hidden; i++)
         if (a->lamps[i].fate == TAKEN) pictures_add_lamp(&pics, &a->lamps[i].l, &a->f);
@@ -98,14 +98,22 @@ static int explain(analysis *a, const plan *p, errmsg *e)
 
 int analyse(analysis *a, const char *path, const plan *p, errmsg *e)
 {
+    lightfield f;
+
+    return lf_read(&f, path, e) ? -1 : analyse_field(a, &f, p, e);
+}
+
+int analyse_field(analysis *a, lightfield *f, const plan *p, errmsg *e)
+{
     bloblist list = {0};
     centre *c = calloc((size_t)p->most + 1, sizeof *c);
     int bad = 0;
 
     memset(a, 0, sizeof *a);
+    a->f = *f;
+    memset(f, 0, sizeof *f);
     a->lamps = calloc((size_t)p->most + 1, sizeof *a->lamps);
     if (!c || !a->lamps) bad = err_set(e, "no memory for lamps");
-    if (!bad) bad = lf_read(&a->f, path, e);
     const clock_t began = clock();
     if (!bad && p->most > 0) bad = blobs_find(&list, &a->f, OVER, e);
     if (!bad) {

@@ -35,6 +35,9 @@ typedef struct analysis {
 } analysis;
 
 int analyse(analysis *a, const char *path, const plan *p, errmsg *e);
+
+/* The same of a light field in memory, which is the analysis' from now on, also where it fails. */
+int analyse_field(analysis *a, lightfield *f, const plan *p, errmsg *e);
 void analysis_free(analysis *a);
 
 #endif

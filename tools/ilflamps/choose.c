@@ -82,9 +82,8 @@ static double gaps(int *n, const double *v, const lamp *l, const lightfield *f)
 
     *n = 0;
     for (int k = 0; k < f->n; k++)
-        for (int s = 0; s < 2; s++) {
-            const int q = s ? k + f->nu : k + 1;
-            if (s ? q >= f->n : q % f->nu == 0) continue;
+        for (int q = k + 1; q < f->n && (f->free || q <= k + f->nu); q++) {
+            if (!lf_neighbours(f, k, q)) continue;
             if (l->seen[k] < 0 && l->seen[q] < 0) continue;
             all++, *n += fabs(v[k] - v[q]) > ABRUPT;
         }
@@ -219,7 +218,7 @@ static double part_of_light(const lamp *l, const lightfield *f)
         own += l->s.radiance * ilf_luminaire_omega(&l->s.l, f->pos[k]) * fmax(0, e[2]) / v_len(e);
         for (int y = 0; y < f->np; y++)
             for (int x = 0; x < f->nt; x++) {
-                lf_direction(d, f, x + .5, y + .5);
+                lf_direction(d, f, k, x + .5, y + .5);
                 rest += lf_lum(f, k, x, y) * lf_texel_sr(f, y) * fmax(0, d[2]);
             }
     }
