@@ -6,6 +6,7 @@
 #define ANALYSIS_H
 
 #include "model.h"
+#include "steady.h"
 #include "surroundings.h"
 
 typedef struct plan {
@@ -31,6 +32,7 @@ typedef struct analysis {
     int spots; /* bright spots, and how many of them belong to no lamp */
     int stray;
     surroundings around;
+    steadied steady; /* probes that were turned; measured = 0: none was */
     double cpu_s;
 } analysis;
 

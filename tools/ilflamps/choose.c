@@ -225,12 +225,23 @@ static double part_of_light(const lamp *l, const lightfield *f)
     return own / (own + rest + 1e-300);
 }
 
-int choose_needed(const lamp *l, const lightfield *f)
+/* Scatter of a lamp's light about all of it: of its rows, or of whole probes, whose rows' errors may cancel (a
+ * probe that is turned a little sees one quarter brighter and the opposite one darker). */
+static double alone(const lamp *l, const lightfield *f)
 {
     model none = {0};
+    double sum = 0;
+    int n = 0;
 
     model_judge(&none, l, f);
-    return none.error > STEADY;
+    for (int k = 0; k < f->n; k++)
+        if (l->seen[k] >= 0) sum += (l->seen[k] - 1) * (l->seen[k] - 1), n++;
+    return n ? fmin(none.error, sqrt(sum / n)) : none.error;
+}
+
+int choose_needed(const lamp *l, const lightfield *f)
+{
+    return alone(l, f) > STEADY;
 }
 
 int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e)
@@ -245,11 +256,10 @@ int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e
     it->interpolation = plain.error;
     say(&plain, "interpolation");
     it->fate = TAKEN;
-    const double alone = it->best.error;
-    if (alone > STEADY && (chain(&it->best, l, f, pics, plain.error) || remainder_too(&it->best, l, f)))
-        goto memory;
-    it->best.error = model_doubt(&it->best);
-    if (alone > STEADY && !explains(&it->best, it->interpolation)) {
+    const int needed = choose_needed(l, f);
+    if (needed && (chain(&it->best, l, f, pics, plain.error) || remainder_too(&it->best, l, f))) goto memory;
+    it->best.error = needed ? model_doubt(&it->best) : alone(l, f);
+    if (needed && !explains(&it->best, it->interpolation)) {
         if (texels > WIDE || plain.error > VAGUE || plain.error * part_of_light(l, f) > HARMLESS)
             it->fate = UNEXPLAINED;
         model_free(&it->best);

@@ -10,6 +10,8 @@
 #include "base/outfile.h"
 #include "vec.h"
 
+#define DEG (180 / 3.14159265358979323846)
+
 static const char *const SHAPES[] = {"sphere", "rectangle", "disc", "tube"};
 static const char *const FATES[] = {"taken out", "left in the field: too wide",
                                     "left in the field: not explained", "left in the field: no shape fits"};
@@ -127,6 +129,9 @@ int report_write(const char *path, const char *input, const analysis *a, errmsg 
             a->f.nu, a->f.nv, a->f.nt, a->f.np);
     if (a->f.info.version == ILF_FILE_VERSION)
         fprintf(o, " \"spots\": %d, \"stray_spots\": %d, \"cpu_s\": %.2f,", a->spots, a->stray, a->cpu_s);
+    if (a->steady.measured)
+        fprintf(o, " \"turned_probes\": {\"measured\": %d, \"degrees\": %.4g, \"error_degrees\": %.4g},",
+                a->steady.measured, a->steady.turn * DEG, a->steady.sure * DEG);
     fprintf(o, "\n");
     report_lamps(o, a);
     fprintf(o, "}\n");
