@@ -51,20 +51,23 @@ LIBS_IMAGE := -lOpenEXRCore -lOpenEXR -lImath -lIex -lpng -ljpeg -ltiff -lraw_r 
 LIBS_VISION := -lopencv_video -lopencv_imgproc -lopencv_core
 
 # ---- programs ------------------------------------------------------------------------------------
-PROGRAMS_ilfmat    := ilfpack ilfinfo ilftrace
+PROGRAMS_ilfmat    := ilfinfo ilftrace
 PROGRAMS_hdrgen    := hdrgen
 PROGRAMS_fishremap := fishremap falloffcal
 PROGRAMS_stagectl  := stagectl
 PROGRAMS_twin      := virtualstage virtualcamera
 PROGRAMS_ilflamps  := ilflamps
+PROGRAMS_ilfpack   := ilfpack
 LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
 LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack -ljansson
 LIBS_stagectl      := -lutil -lexif -lcrypto
 LIBS_ilflamps      := -llapacke -llapack
+LIBS_ilfpack       := $(LIBS_ilflamps)
 LIBS_twin          := $(LIBS_stagectl)
-# the tool whose parts another stands on: the virtual stage speaks the real one's language
+# the tool whose parts another stands on: the virtual stage speaks the real one's language, free pictures have lamps
 UNDER_twin         := stagectl
-TOOLS              := hdrgen fishremap stagectl twin ilflamps
+UNDER_ilfpack      := ilflamps
+TOOLS              := hdrgen fishremap stagectl twin ilflamps ilfpack
 
 # A main that is not written yet is left out, so that a partial checkout builds.
 have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
@@ -238,7 +241,7 @@ test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.packages
 
 # the programs that our patches touch, in a build folder beside another Radiance's that lends the rest
 .PHONY: test-renderers
-test-renderers: stock $(RAD_PATCHED:%=$(B)/bin/%) $(RAD_LIB) $(ILF_PROGRAMS:%=$(B)/bin/%) $(VENV)/.packages
+test-renderers: stock $(RAD_PATCHED:%=$(B)/bin/%) $(RAD_LIB) $(ILF_PROGRAMS:%=$(B)/bin/%) $(B)/bin/ilfpack $(VENV)/.packages
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile tests/radiance_patch $(TEST_ARGS)
 #?measures: test-renderers  those of the material in Radiance alone (for a second Radiance: B=build/6.1 RADIANCE_SRC=...)
 

@@ -127,6 +127,23 @@ def test_what_is_seen_in_the_pictures_is_believed(folder, room, height):
     assert lamp["fate"] == "taken out" and lamp["model"].startswith("sheet") and lamp["height"] == pytest.approx(height, abs=.04)
 
 
+def test_probes_that_are_turned(folder):
+    """By .2 degrees about each axis: no shape fitted, and all stayed in the field without a word.  Lamps say by how much; steady probes are let alone."""
+    args = 5, 5, 160, 80
+    rooms.make(carded(), *args, str(folder / "turned.ilf.exr"), turn=.2, seed=3)
+    words = run("ilflamps", "--report", folder / "turned.json", folder / "turned.ilf.exr").err
+    report = json.loads((folder / "turned.json").read_text())
+    expected = np.degrees(np.sqrt((np.radians(.2) ** 2 * np.random.default_rng(3).normal(size=(25, 9))[:, 6:] ** 2).sum(1).mean()))
+    assert "turned by" in words and report["turned_probes"]["measured"] == 25
+    assert report["turned_probes"]["degrees"] == pytest.approx(expected, rel=.35)
+    lamps = sorted(report["lamps"], key=lambda k: k["position"][0])
+    assert [k["fate"] for k in lamps] == ["taken out"] * 2
+    for k, (at, radius, _) in zip(lamps, (BLUE, YELLOW)):
+        assert np.linalg.norm(np.subtract(k["position"], at)) < .02 and k["radius"] == pytest.approx(radius, rel=.05)
+    assert "turned" not in run("ilflamps", "--report", folder / "steady.json", folder / "card.ilf.exr").err
+    assert "turned_probes" not in json.loads((folder / "steady.json").read_text())
+
+
 @pytest.mark.sweep
 def test_a_spotlight_that_few_probes_see(folder):
     "Shares were even, rows were not: hypotheses were asked without pictures (a crash)."

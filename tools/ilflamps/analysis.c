@@ -12,6 +12,8 @@
 #include "gradient.h"
 #include "pictures.h"
 
+enum { TURNS = 3 };      /* looks at probes that are turned */
+#define BETTER      .8   /* of the bodies' misfits: turns that leave more are none */
 #define OVER        15.0 /* bright spots: times the probe's median luminance */
 #define MISFIT      .1   /* rms; a lamp whose spots look like no body that we know stays in the field */
 #define MISFIT_WIDE .2   /* of lamps of many texels, whose light is less even */
@@ -84,9 +86,9 @@ static int explain(analysis *a, const plan *p, errmsg *e)
 
     for (int i = 0; i < a->n; i++)
         hidden |= a->lamps[i].fate == TAKEN && choose_needed(&a->lamps[i].l, &a->f);
-    bad = p->octree ? surroundings_from(&a->around, p->octree, &a->f, e)
-          : hidden  ? surroundings_guess(&a->around, &a->f, e)
-                    : 0;
+    bad = p->octree             ? surroundings_from(&a->around, p->octree, &a->f, e)
+          : hidden || a->f.free ? surroundings_guess(&a->around, &a->f, e)
+                                : 0;
     if (!bad && hidden) bad = pictures_make(&pics, &a->f, &a->around, e);
     for (int i = 0; i < a->n && !bad && hidden; i++)
         if (a->lamps[i].fate == TAKEN) pictures_add_lamp(&pics, &a->lamps[i].l, &a->f);
@@ -96,21 +98,113 @@ static int explain(analysis *a, const plan *p, errmsg *e)
     return bad;
 }
 
+/* Of how many lamps the shape is told, and how badly all of them fit. */
+static double misfits(const analysis *a)
+{
+    double sum = 0;
+
+    for (int i = 0; i < a->n; i++) {
+        const shape *s = &a->lamps[i].l.s;
+        sum += a->lamps[i].fate == TOO_WIDE ? 0 : s->full ? fmin(1, s->misfit) : 1;
+    }
+    return sum;
+}
+
+static void forget(analysis *a)
+{
+    for (int i = 0; i < a->n; i++) lamp_free(&a->lamps[i].l);
+    a->n = 0;
+}
+
+/* One look at whether probes are turned: 1 where they were, and have been put right; -1 without memory. */
+static int one_turn(steadied *it, analysis *a, bloblist *list, centre *c, int n, double limit)
+{
+    shape *s = calloc((size_t)n + 1, sizeof *s);
+
+    if (!s) return -1;
+    for (int i = 0; i < n; i++) {
+        s[i] = a->lamps[i].l.s;
+        if (a->lamps[i].fate == TOO_WIDE || !s[i].full || s[i].lens) s[i].misfit = -1;
+    }
+    const int turned = steady_put_right(it, &a->f, list, s, n, limit);
+    for (int i = 0; i < n && turned > 0; i++) centres_again(&c[i], i, list, &a->f);
+    free(s);
+    return turned;
+}
+
+/* Frames of pictures and spots as they were. */
+static void turn_back(analysis *a, bloblist *list, const blob *spots, double (*turn)[9])
+{
+    memcpy(list->b, spots, (size_t)list->n * sizeof *spots);
+    free(a->f.turn);
+    a->f.turn = turn;
+    memset(&a->steady, 0, sizeof a->steady);
+}
+
+static int again(analysis *a, const bloblist *list, const centre *c, int n, double limit, const plan *p,
+                 errmsg *e)
+{
+    forget(a);
+    return shapes(a, list, c, n, limit, p, e);
+}
+
+/* Shapes, and once more where the lamps say that probes are turned; kept where they fit clearly better so. */
+static int steady_shapes(analysis *a, bloblist *list, centre *c, int n, double limit, const plan *p,
+                         errmsg *e)
+{
+    const size_t frames = (size_t)a->f.n * sizeof *a->f.turn, spots = (size_t)list->n * sizeof *list->b;
+    double(*turn)[9] = a->f.turn ? malloc(frames) : NULL;
+    blob *old = malloc(spots + 1);
+    centre *at = malloc(((size_t)n + 1) * sizeof *at);
+    steadied now;
+    int bad = !old || !at || (a->f.turn && !turn) ? err_set(e, "no memory for shapes") : 0, turned = !bad;
+
+    if (!bad && turn) memcpy(turn, a->f.turn, frames);
+    if (!bad && spots) memcpy(old, list->b, spots);
+    if (!bad) memcpy(at, c, (size_t)n * sizeof *at), bad = shapes(a, list, c, n, limit, p, e);
+    const double was = bad ? 0 : misfits(a);
+    for (int round = 0; round < TURNS && turned > 0 && !bad; round++) {
+        turned = one_turn(&now, a, list, c, n, limit);
+        if (turned < 0) bad = err_set(e, "no memory for shapes");
+        if (turned <= 0) break;
+        if (!round) a->steady = now;
+        bad = again(a, list, c, n, limit, p, e);
+    }
+    if (!bad && a->steady.measured && misfits(a) > BETTER * was) {
+        turn_back(a, list, old, turn), turn = NULL;
+        bad = again(a, list, at, n, limit, p, e);
+    }
+    free(turn), free(old), free(at);
+    return bad;
+}
+
 int analyse(analysis *a, const char *path, const plan *p, errmsg *e)
+{
+    lightfield f;
+
+    if (lf_read(&f, path, e) || analyse_field(a, &f, p, e)) return -1;
+    /* what is left is smooth, and goes into the file as it stood */
+    free(a->f.turn);
+    a->f.turn = NULL;
+    return 0;
+}
+
+int analyse_field(analysis *a, lightfield *f, const plan *p, errmsg *e)
 {
     bloblist list = {0};
     centre *c = calloc((size_t)p->most + 1, sizeof *c);
     int bad = 0;
 
     memset(a, 0, sizeof *a);
+    a->f = *f;
+    memset(f, 0, sizeof *f);
     a->lamps = calloc((size_t)p->most + 1, sizeof *a->lamps);
     if (!c || !a->lamps) bad = err_set(e, "no memory for lamps");
-    if (!bad) bad = lf_read(&a->f, path, e);
     const clock_t began = clock();
     if (!bad && p->most > 0) bad = blobs_find(&list, &a->f, OVER, e);
     if (!bad) {
         const double limit = OVER * typical(&a->f);
-        bad = shapes(a, &list, c, centres_find(c, p->most, &list, &a->f), limit, p, e);
+        bad = steady_shapes(a, &list, c, centres_find(c, p->most, &list, &a->f), limit, p, e);
         for (int i = 0; i < list.n; i++) a->stray += list.b[i].lamp < 0;
         a->spots = list.n;
         for (int i = 0; i < a->n && !bad; i++)

@@ -6,6 +6,7 @@
 #define ANALYSIS_H
 
 #include "model.h"
+#include "steady.h"
 #include "surroundings.h"
 
 typedef struct plan {
@@ -31,10 +32,14 @@ typedef struct analysis {
     int spots; /* bright spots, and how many of them belong to no lamp */
     int stray;
     surroundings around;
+    steadied steady; /* probes that were turned; measured = 0: none was */
     double cpu_s;
 } analysis;
 
 int analyse(analysis *a, const char *path, const plan *p, errmsg *e);
+
+/* The same of a light field in memory, which is the analysis' from now on, also where it fails. */
+int analyse_field(analysis *a, lightfield *f, const plan *p, errmsg *e);
 void analysis_free(analysis *a);
 
 #endif

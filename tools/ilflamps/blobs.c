@@ -85,7 +85,7 @@ static void moments(blob *b, const spot *s, const lightfield *f, double ring)
             const int x = s->at[i] % f->nt, y = s->at[i] / f->nt;
             if (s->level[i] > 1) continue;
             const double w = (lf_lum(f, b->probe, x, y) - ring) * lf_texel_sr(f, y);
-            lf_direction(d, f, x + .5, y + .5);
+            lf_direction(d, f, b->probe, x + .5, y + .5);
             if (!pass) {
                 b->flux += w;
                 for (int k = 0; k < 3; k++) sum[k] += w * d[k];
@@ -93,9 +93,9 @@ static void moments(blob *b, const spot *s, const lightfield *f, double ring)
             }
             const double st = sin((y + .5) * f->dp), vp = f->dp * f->dp / 12,
                          vt = st * st * f->dt * f->dt / 12;
-            const double t = (x + .5) * f->dt - 3.14159265358979323846, et[3] = {-sin(t), cos(t), 0},
-                         tall[3] = {d[0], d[1], d[2]};
-            double ep[3], g[3];
+            const double t = (x + .5) * f->dt - 3.14159265358979323846, tall[3] = {d[0], d[1], d[2]};
+            double et[3] = {-sin(t), cos(t), 0}, ep[3], g[3];
+            lf_outward(et, f, b->probe);
             v_cross(ep, et, tall), v_sub(g, d, b->dir);
             for (int r = 0, m = 0; r < 3; r++)
                 for (int c = r; c < 3; c++, m++)
@@ -140,7 +140,7 @@ static int of_probe(bloblist *l, const lightfield *f, int probe, double over, sp
         }
         moments(&b, s, f, median(ring, n));
         untake(s);
-        if (b.flux > 0) bad = add(l, &b, e);
+        if (b.flux > 0 && b.dir[2] > 0) bad = add(l, &b, e);
     }
     free(ring);
     return bad;

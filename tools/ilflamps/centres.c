@@ -227,3 +227,15 @@ int centres_find(centre *c, int most, bloblist *l, const lightfield *f)
     free(turn), free(mine), free(w);
     return found;
 }
+
+void centres_again(centre *c, int number, const bloblist *l, const lightfield *f)
+{
+    int *mine = malloc((size_t)f->n * sizeof *mine);
+    double *w = malloc((size_t)f->n * sizeof *w);
+
+    for (int k = 0; mine && k < f->n; k++) mine[k] = -1;
+    for (int i = 0; mine && i < l->n; i++)
+        if (l->b[i].lamp == number) mine[l->b[i].probe] = i;
+    if (mine && w && !c->far) refine(c->at, &c->sigma, mine, w, l, f);
+    free(mine), free(w);
+}

@@ -20,4 +20,7 @@ typedef struct centre {
  * their number. */
 int centres_find(centre *c, int most, bloblist *list, const lightfield *f);
 
+/* The same lamp's place again from its spots, whose directions have changed. */
+void centres_again(centre *c, int number, const bloblist *list, const lightfield *f);
+
 #endif

@@ -82,9 +82,8 @@ static double gaps(int *n, const double *v, const lamp *l, const lightfield *f)
 
     *n = 0;
     for (int k = 0; k < f->n; k++)
-        for (int s = 0; s < 2; s++) {
-            const int q = s ? k + f->nu : k + 1;
-            if (s ? q >= f->n : q % f->nu == 0) continue;
+        for (int q = k + 1; q < f->n && (f->free || q <= k + f->nu); q++) {
+            if (!lf_neighbours(f, k, q)) continue;
             if (l->seen[k] < 0 && l->seen[q] < 0) continue;
             all++, *n += fabs(v[k] - v[q]) > ABRUPT;
         }
@@ -219,19 +218,30 @@ static double part_of_light(const lamp *l, const lightfield *f)
         own += l->s.radiance * ilf_luminaire_omega(&l->s.l, f->pos[k]) * fmax(0, e[2]) / v_len(e);
         for (int y = 0; y < f->np; y++)
             for (int x = 0; x < f->nt; x++) {
-                lf_direction(d, f, x + .5, y + .5);
+                lf_direction(d, f, k, x + .5, y + .5);
                 rest += lf_lum(f, k, x, y) * lf_texel_sr(f, y) * fmax(0, d[2]);
             }
     }
     return own / (own + rest + 1e-300);
 }
 
-int choose_needed(const lamp *l, const lightfield *f)
+/* Scatter of a lamp's light about all of it: of its rows, or of whole probes, whose rows' errors may cancel (a
+ * probe that is turned a little sees one quarter brighter and the opposite one darker). */
+static double alone(const lamp *l, const lightfield *f)
 {
     model none = {0};
+    double sum = 0;
+    int n = 0;
 
     model_judge(&none, l, f);
-    return none.error > STEADY;
+    for (int k = 0; k < f->n; k++)
+        if (l->seen[k] >= 0) sum += (l->seen[k] - 1) * (l->seen[k] - 1), n++;
+    return n ? fmin(none.error, sqrt(sum / n)) : none.error;
+}
+
+int choose_needed(const lamp *l, const lightfield *f)
+{
+    return alone(l, f) > STEADY;
 }
 
 int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e)
@@ -246,11 +256,10 @@ int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e
     it->interpolation = plain.error;
     say(&plain, "interpolation");
     it->fate = TAKEN;
-    const double alone = it->best.error;
-    if (alone > STEADY && (chain(&it->best, l, f, pics, plain.error) || remainder_too(&it->best, l, f)))
-        goto memory;
-    it->best.error = model_doubt(&it->best);
-    if (alone > STEADY && !explains(&it->best, it->interpolation)) {
+    const int needed = choose_needed(l, f);
+    if (needed && (chain(&it->best, l, f, pics, plain.error) || remainder_too(&it->best, l, f))) goto memory;
+    it->best.error = needed ? model_doubt(&it->best) : alone(l, f);
+    if (needed && !explains(&it->best, it->interpolation)) {
         if (texels > WIDE || plain.error > VAGUE || plain.error * part_of_light(l, f) > HARMLESS)
             it->fate = UNEXPLAINED;
         model_free(&it->best);

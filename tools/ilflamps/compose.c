@@ -57,7 +57,7 @@ static void with_lamps(float *rgb, const analysis *a, const double o[3], int x, 
         const double py = y + (k / RAYS + .5) / RAYS, w = sin(py * a->f.dp);
         float v[3];
         double d[3];
-        lf_direction(d, &a->f, x + (k % RAYS + .5) / RAYS, py);
+        lf_direction(d, &a->f, LF_FIELD, x + (k % RAYS + .5) / RAYS, py);
         memcpy(v, rgb, sizeof v);
         if (d[2] > 0) rays_add_lamps(v, a, o, d);
         for (int c = 0; c < 3; c++) sum[c] += w * (double)v[c];
@@ -75,7 +75,7 @@ static int probe(float *out, const ilf *residual, const analysis *a, const doubl
         double d[3];
         ilf_error err;
         float *t = out + 3 * k;
-        lf_direction(d, &a->f, k % a->f.nt + .5, k / a->f.nt + .5);
+        lf_direction(d, &a->f, LF_FIELD, k % a->f.nt + .5, k / a->f.nt + .5);
         if (same >= 0) memcpy(t, lf_texel(&a->f, same, k % a->f.nt, k / a->f.nt), 3 * sizeof *t);
         else if (left_over(t, residual, a, o, d, &err)) {
 #pragma omp critical
@@ -102,9 +102,8 @@ static int all_probes(ilf_writer *w, const ilf *residual, const analysis *a, int
     return bad;
 }
 
-int compose_write(const char *path, const analysis *a, int nu, int nv, const char *comments, errmsg *e)
+int compose_write_as(const char *path, const analysis *a, const ilf_spec *spec, errmsg *e)
 {
-    ilf_spec spec = lf_spec(&a->f);
     outfile *o = NULL, *temporary = NULL;
     ilf *residual = NULL;
     ilf_writer *w = NULL;
@@ -112,15 +111,22 @@ int compose_write(const char *path, const analysis *a, int nu, int nv, const cha
     int bad = out_begin(&o, path, e) || out_begin(&temporary, "-", e) ||
               lf_write(&a->f, out_path(temporary), NULL, e);
 
-    spec.n_u = nu, spec.n_v = nv, spec.comments = comments, spec.name = path;
     if (!bad && (ilf_open(&residual, out_path(temporary), &err) != ILF_OK ||
-                 ilf_writer_open(&w, out_path(o), &spec, &err) != ILF_OK))
+                 ilf_writer_open(&w, out_path(o), spec, &err) != ILF_OK))
         bad = err_set(e, "%s", err.text);
-    if (!bad) bad = all_probes(w, residual, a, nu, nv, e);
+    if (!bad) bad = all_probes(w, residual, a, spec->n_u, spec->n_v, e);
     if (w && bad) ilf_writer_abort(w);
     else if (w && ilf_writer_close(w, &err) != ILF_OK) bad = err_set(e, "%s", err.text);
     ilf_close(residual);
     out_abort(temporary);
     if (bad) out_abort(o);
     return bad ? -1 : out_commit(o, e);
+}
+
+int compose_write(const char *path, const analysis *a, int nu, int nv, const char *comments, errmsg *e)
+{
+    ilf_spec spec = lf_spec(&a->f);
+
+    spec.n_u = nu, spec.n_v = nv, spec.comments = comments, spec.name = path;
+    return compose_write_as(path, a, &spec, e);
 }

@@ -10,4 +10,7 @@
  * them. */
 int compose_write(const char *path, const analysis *a, int nu, int nv, const char *comments, errmsg *e);
 
+/* The same with a file's whole spec (its grid, sizes of probes as the analysis' field). */
+int compose_write_as(const char *path, const analysis *a, const ilf_spec *spec, errmsg *e);
+
 #endif

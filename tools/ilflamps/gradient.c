@@ -81,7 +81,7 @@ static void second_largest(lens *g)
     memset(g->G, 0, (size_t)g->f->nt * (size_t)g->f->np * sizeof *g->G);
     for (int i = 0; i < g->n; i++)
         for (int j = 0; j < g->p[i].n; j++) {
-            const int k = g->p[i].at[j];
+            const int k = lf_common(g->f, g->p[i].probe, g->p[i].at[j]);
             const double v = g->p[i].lum[j];
             if (v > g->num[k]) g->G[k] = g->num[k], g->num[k] = v;
             else g->G[k] = fmax(g->G[k], v);
@@ -124,8 +124,10 @@ static void covered_mean(lens *g, const ilf_luminaire *l)
     for (int i = 0; i < g->n; i++) {
         patch *p = &g->p[i];
         patch_cover(p, g->f, l, 6);
-        for (int j = 0; j < p->n; j++)
-            g->num[p->at[j]] += p->cover[j] * p->lum[j], g->den[p->at[j]] += p->cover[j] * p->cover[j];
+        for (int j = 0; j < p->n; j++) {
+            const int k = lf_common(g->f, p->probe, p->at[j]);
+            g->num[k] += p->cover[j] * p->lum[j], g->den[k] += p->cover[j] * p->cover[j];
+        }
     }
     settle(g->G, g->num, g->den, g->f);
 }
@@ -136,7 +138,7 @@ static int set_gains(lens *g)
         patch *p = &g->p[i];
         if (!p->gain) p->gain = malloc((size_t)p->n * sizeof *p->gain);
         if (!p->gain) return -1;
-        for (int j = 0; j < p->n; j++) p->gain[j] = fmax(0, g->G[p->at[j]]);
+        for (int j = 0; j < p->n; j++) p->gain[j] = fmax(0, g->G[lf_common(g->f, p->probe, p->at[j])]);
     }
     return 0;
 }
@@ -163,14 +165,14 @@ static void cross(crossing *c, const lens *g, double h, const double at[3], doub
     c->y0 = f->len_v / 2 + k * (at[1] - f->len_v / 2) - c->cell * CELLS / 2;
     for (int i = 0; i < g->n; i++)
         for (int j = 0; j < g->p[i].n; j++) {
-            const int t = g->p[i].at[j];
+            const int own = g->p[i].at[j], t = lf_common(f, g->p[i].probe, own);
             double d[3];
             if (g->G[t] < DIM * top) continue;
-            lf_direction(d, f, t % f->nt + .5, t / f->nt + .5);
+            lf_direction(d, f, g->p[i].probe, own % f->nt + .5, own / f->nt + .5);
             if (d[2] < LOW) continue;
             const double *o = f->pos[g->p[i].probe], v = fmax(0, fmin(1, g->p[i].lum[j] / g->G[t]));
-            const double x = (o[0] + h / d[2] * d[0] - c->x0) / c->cell,
-                         y = (o[1] + h / d[2] * d[1] - c->y0) / c->cell;
+            const double x = (o[0] + (h - o[2]) / d[2] * d[0] - c->x0) / c->cell,
+                         y = (o[1] + (h - o[2]) / d[2] * d[1] - c->y0) / c->cell;
             if (!(x >= 0 && y >= 0 && x < CELLS && y < CELLS)) continue;
             const int q = (int)y * CELLS + (int)x;
             c->n[q]++, c->sum[q] += v, c->square[q] += v * v;
@@ -321,8 +323,10 @@ static int passed(lens *g, double *seen, const lamp *l, int fold)
         if (patch_make(&p, f, k, l->s.l.centre, ilf_luminaire_cone(&l->s.l, f->pos[k]), 1.5, g->limit))
             return -1;
         patch_cover(&p, f, &l->s.l, 6);
-        for (int j = 0; j < p.n; j++)
-            g->num[p.at[j]] += p.cover[j] * seen[p.at[j]], g->den[p.at[j]] += p.cover[j] * p.cover[j];
+        for (int j = 0; j < p.n; j++) {
+            const int t = lf_common(f, k, p.at[j]);
+            g->num[t] += p.cover[j] * seen[p.at[j]], g->den[t] += p.cover[j] * p.cover[j];
+        }
         patch_free(&p);
     }
     settle(g->G, g->num, g->den, f);
@@ -334,7 +338,7 @@ static double look(const double *G, const lightfield *f, const double d[3])
 {
     double x, y, sum = 0;
 
-    lf_place(&x, &y, f, d);
+    lf_place(&x, &y, f, LF_FIELD, d);
     const double fx = floor(x - .5), fy = floor(y - .5), a = x - .5 - fx, b = y - .5 - fy;
     for (int k = 0; k < 4; k++) {
         int i = (int)fx, j = (int)fy;
@@ -351,7 +355,7 @@ static void span(double lo[2], double hi[2], const double *den, const lightfield
     for (int k = 0; k < f->nt * f->np; k++) {
         double d[3];
         if (den[k] <= .2) continue;
-        lf_direction(d, f, k % f->nt + .5, k / f->nt + .5);
+        lf_direction(d, f, LF_FIELD, k % f->nt + .5, k / f->nt + .5);
         for (int a = 0; a < 2 && d[2] >= LOW; a++)
             lo[a] = fmin(lo[a], d[a] / d[2] - f->dp), hi[a] = fmax(hi[a], d[a] / d[2] + f->dp);
     }

@@ -24,6 +24,7 @@ static const char *report, *rays, *radiance, *lamps, *geometry, *composed, *pict
 static storage stored = {.compression = "none"};
 static int n_edits, grid_u, grid_v, dry_run;
 #define NOT_GIVEN (-1e9)
+#define DEGREE    57.29577951308232 /* in a radian */
 static double max_width = NOT_GIVEN;
 
 static int one_edit(const char *value, void *arg, errmsg *e)
@@ -134,7 +135,7 @@ static int version_of(const char *path)
 static void get_lamps(analysis *a, const char *path)
 {
     const plan p = {.most = how_many(),
-                    .max_width = (max_width > 0 ? max_width : MAX_WIDTH) / 57.29577951308232,
+                    .max_width = (max_width > 0 ? max_width : MAX_WIDTH) / DEGREE,
                     .octree = geometry};
     errmsg e;
     int bad;
@@ -158,6 +159,10 @@ static void get_lamps(analysis *a, const char *path)
                            : surroundings_guess(&a->around, &a->f, &e);
     }
     if (bad) cli_fail(CLI_FAILED, "%s", e.text);
+    if (a->steady.measured)
+        cli_note("%s: its probes are turned by %.2g degrees (rms of %d that lamps could tell, each to %.1g): "
+                 "put right where lamps were measured",
+                 path, a->steady.turn * DEGREE, a->steady.measured, a->steady.sure * DEGREE);
     taken_first(a);
 }
 

@@ -32,13 +32,13 @@ static void add_texel(parts *p, const patch *a, int i, const lightfield *f, cons
     const int col = a->at[i] % f->nt, line = a->at[i] / f->nt;
     double d[3], t;
 
-    lf_direction(d, f, col + .5, line + .5);
+    lf_direction(d, f, a->probe, col + .5, line + .5);
     const double u = v_dot(d, x) / v_dot(d, m) / cone, v = v_dot(d, y) / v_dot(d, m) / cone;
     const int k = bounded(v, p->side) * p->side + bounded(u, p->side);
     double hits = 0, all = 0;
     for (int q = 0; q < S * S; q++) {
         const double py = line + (q / S + .5) / S, s = sin(py * f->dp);
-        lf_direction(d, f, col + (q % S + .5) / S, py);
+        lf_direction(d, f, a->probe, col + (q % S + .5) / S, py);
         all += s;
         if (!ilf_luminaire_hit(&t, l, f->pos[a->probe], d)) continue;
         hits += s;

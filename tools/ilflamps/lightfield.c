@@ -54,7 +54,7 @@ int lf_read(lightfield *f, const char *path, errmsg *e)
 
 void lf_free(lightfield *f)
 {
-    free(f->pos), free(f->rgb);
+    free(f->pos), free(f->turn), free(f->rgb);
     memset(f, 0, sizeof *f);
 }
 
@@ -97,19 +97,58 @@ int lf_write(const lightfield *f, const char *path, const char *comments, errmsg
     return lf_write_as(f, path, &spec, e);
 }
 
-void lf_direction(double d[3], const lightfield *f, double x, double y)
+int lf_neighbours(const lightfield *f, int a, int b)
+{
+    if (!f->free) return abs(a % f->nu - b % f->nu) + abs(a / f->nu - b / f->nu) == 1;
+    const double *p = f->pos[a], *q = f->pos[b];
+    for (int k = 0; k < f->n; k++) {
+        const double *r = f->pos[k];
+        if (k != a && k != b && (r[0] - p[0]) * (r[0] - q[0]) + (r[1] - p[1]) * (r[1] - q[1]) < 0) return 0;
+    }
+    return a != b;
+}
+
+void lf_outward(double d[3], const lightfield *f, int probe)
+{
+    if (!f->turn || probe == LF_FIELD) return;
+    const double *t = f->turn[probe], e[3] = {d[0], d[1], d[2]};
+    for (int k = 0; k < 3; k++) d[k] = e[0] * t[k] + e[1] * t[3 + k] + e[2] * t[6 + k];
+}
+
+void lf_inward(double d[3], const lightfield *f, int probe)
+{
+    if (!f->turn || probe == LF_FIELD) return;
+    const double *t = f->turn[probe], e[3] = {d[0], d[1], d[2]};
+    for (int k = 0; k < 3; k++) d[k] = e[0] * t[3 * k] + e[1] * t[3 * k + 1] + e[2] * t[3 * k + 2];
+}
+
+void lf_direction(double d[3], const lightfield *f, int probe, double x, double y)
 {
     const double t = x * f->dt - pi, p = y * f->dp, s = sin(p);
 
     d[0] = s * cos(t), d[1] = s * sin(t), d[2] = cos(p);
+    lf_outward(d, f, probe);
 }
 
-void lf_place(double *x, double *y, const lightfield *f, const double d[3])
+void lf_place(double *x, double *y, const lightfield *f, int probe, const double d[3])
 {
-    const double r = sqrt(d[0] * d[0] + d[1] * d[1]);
+    double e[3] = {d[0], d[1], d[2]};
 
-    *x = (r > 0 ? atan2(d[1], d[0]) + pi : pi) / f->dt;
-    *y = atan2(r, d[2]) / f->dp;
+    lf_inward(e, f, probe);
+    const double r = sqrt(e[0] * e[0] + e[1] * e[1]);
+    *x = (r > 0 ? atan2(e[1], e[0]) + pi : pi) / f->dt;
+    *y = atan2(r, e[2]) / f->dp;
+}
+
+int lf_common(const lightfield *f, int probe, int texel)
+{
+    double d[3], x, y;
+
+    if (!f->turn) return texel;
+    lf_direction(d, f, probe, texel % f->nt + .5, texel / f->nt + .5);
+    lf_place(&x, &y, f, LF_FIELD, d);
+    const int i = (int)x % f->nt, j = y < f->np ? (int)y : f->np - 1;
+    return j * f->nt + i;
 }
 
 double lf_texel_sr(const lightfield *f, int y)

@@ -14,14 +14,17 @@
 #include "ilf.h"
 
 typedef struct lightfield {
-    int nu, nv, n; /* probes; probe (i, j) has number j*nu + i */
+    int nu, nv, n; /* probes; probe (i, j) has number j*nu + i; where they stand freely: n, 1, n */
+    int free;      /* they stand anywhere: neighbours in number are none in space */
     int nt, np;    /* texels of one: columns (azimuth), rows (polar angle) */
     double dt, dp; /* steps of azimuth and polar angle, radians */
     double polar_max;
     double len_u, len_v, size; /* edges of the sampled rectangle; size: the longer one */
     double (*pos)[3];          /* n places of probes */
-    float *rgb;                /* n*np*nt*3: what is left as lamps are taken out */
-    ilf_frame frame;           /* as the file has it */
+    double (*turn)[9]; /* n frames of pictures: their own x, y, z axes in the field's coordinates; NULL: all
+                          stand as the field does */
+    float *rgb;        /* n*np*nt*3: what is left as lamps are taken out */
+    ilf_frame frame;   /* as the file has it */
     ilf_info info;
 } lightfield;
 
@@ -48,9 +51,23 @@ static inline double lf_lum(const lightfield *f, int probe, int x, int y)
     return ilf_luminance(lf_texel(f, probe, x, y));
 }
 
-/* Direction of a point in the map, and back. */
-void lf_direction(double d[3], const lightfield *f, double x, double y);
-void lf_place(double *x, double *y, const lightfield *f, const double d[3]);
+/* Probe number for directions that are no probe's, but the field's own. */
+enum { LF_FIELD = -1 };
+
+/* Direction of a point in a probe's map, and back. */
+void lf_direction(double d[3], const lightfield *f, int probe, double x, double y);
+void lf_place(double *x, double *y, const lightfield *f, int probe, const double d[3]);
+
+/* Are probes a and b neighbours?  In a grid: side by side; where they stand freely: no third one stands
+ * within the circle between them. */
+int lf_neighbours(const lightfield *f, int a, int b);
+
+/* From a picture's own axes to the field's, and back. */
+void lf_outward(double d[3], const lightfield *f, int probe);
+void lf_inward(double d[3], const lightfield *f, int probe);
+
+/* The texel (y*nt + x) of the field's own map that a probe's texel shows. */
+int lf_common(const lightfield *f, int probe, int texel);
 
 /* Solid angle of a texel of row y. */
 double lf_texel_sr(const lightfield *f, int y);

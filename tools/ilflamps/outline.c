@@ -171,9 +171,9 @@ static int listen(saying *s, const outline *o, int k, const lightfield *f, int p
 
     for (int e = 0; e < 2; e++) {
         const double a = x[0] + (2 * e - 1) * eps * n[0], b = x[1] + (2 * e - 1) * eps * n[1];
-        const double d[3] = {a - p[0], b - p[1], height_at(o, a, b)};
+        const double d[3] = {a - p[0], b - p[1], height_at(o, a, b) - p[2]};
         if (d[2] < .08 * v_len(d)) return 0;
-        lf_place(&px[e], &py[e], f, d);
+        lf_place(&px[e], &py[e], f, probe, d);
     }
     double dx = px[1] - px[0];
     if (dx > f->nt / 2) dx -= f->nt;
@@ -185,10 +185,10 @@ static int listen(saying *s, const outline *o, int k, const lightfield *f, int p
     const double width = (fabs(ax) * f->dt * st + fabs(ay) * f->dp) / (g * g), reach = 2.2 * width;
     for (int q = 0; q < STEPS; q++) {
         const double t = reach * (2. * q / (STEPS - 1) - 1), a = x[0] + t * n[0], b = x[1] + t * n[1];
-        const double d[3] = {a - p[0], b - p[1], height_at(o, a, b)};
+        const double d[3] = {a - p[0], b - p[1], height_at(o, a, b) - p[2]};
         double u, w;
         if (d[2] <= 0) return 0;
-        lf_place(&u, &w, f, d);
+        lf_place(&u, &w, f, probe, d);
         v[q] = lf_look(f, probe, u, w);
     }
     in = (v[0] + v[1]) / 2, out = (v[STEPS - 1] + v[STEPS - 2]) / 2;
@@ -203,7 +203,8 @@ static int listen(saying *s, const outline *o, int k, const lightfield *f, int p
     if (travel > 1.5 * fabs(out - in)) return 0;
     s->off = reach - sum * 2 * reach / (STEPS - 1);
     if (fabs(s->off) > .7 * reach) return 0;
-    const double h = height_at(o, x[0], x[1]), along = -((x[0] - p[0]) * n[0] + (x[1] - p[1]) * n[1]) / h;
+    const double h = height_at(o, x[0], x[1]) - p[2],
+                 along = -((x[0] - p[0]) * n[0] + (x[1] - p[1]) * n[1]) / h;
     s->point = k, s->probe = probe, s->width = width, s->w = contrast * contrast / (width * width);
     s->lean[0] = along, s->lean[1] = along * x[0], s->lean[2] = along * x[1];
     return 1;

@@ -22,9 +22,12 @@ static int by_value(const void *a, const void *b)
 }
 
 /* Texels whose middle lies within `wide` of m, in rows' order.  Returns their number; at may be NULL. */
-static int within(int *at, const lightfield *f, const double m[3], double wide)
+static int within(int *at, const lightfield *f, int probe, const double m[3], double wide)
 {
-    const double phi = acos(fmax(-1, fmin(1, m[2]))), theta = atan2(m[1], m[0]) + 3.14159265358979323846;
+    double own[3] = {m[0], m[1], m[2]};
+    lf_inward(own, f, probe);
+    const double phi = acos(fmax(-1, fmin(1, own[2]))),
+                 theta = atan2(own[1], own[0]) + 3.14159265358979323846;
     const int y0 = (int)fmax(0, floor((phi - wide) / f->dp)),
               y1 = (int)fmin(f->np - 1, ceil((phi + wide) / f->dp));
     int n = 0;
@@ -36,7 +39,7 @@ static int within(int *at, const lightfield *f, const double m[3], double wide)
         const int last = all ? f->nt - 1 : (int)ceil((theta + half) / f->dt);
         for (int x = first; x <= last; x++) {
             double d[3];
-            lf_direction(d, f, x + .5, y + .5);
+            lf_direction(d, f, probe, x + .5, y + .5);
             if (v_dot(d, m) < cos(wide)) continue;
             if (at) at[n] = y * f->nt + ((x % f->nt) + f->nt) % f->nt;
             n++;
@@ -55,7 +58,7 @@ static void set_ring(patch *p, const lightfield *f, const int *at, int n, const 
     for (int i = 0; v && i < n; i++) {
         double d[3];
         const float *t = lf_texel(f, p->probe, at[i] % f->nt, at[i] / f->nt);
-        lf_direction(d, f, at[i] % f->nt + .5, at[i] / f->nt + .5);
+        lf_direction(d, f, p->probe, at[i] % f->nt + .5, at[i] / f->nt + .5);
         if (v_dot(d, m) > cos(cone + 1.5 * size) || ilf_luminance(t) > limit) continue;
         for (int c = 0; c < 3; c++) v[c * n + k] = t[c];
         k++;
@@ -79,16 +82,16 @@ int patch_make(patch *p, const lightfield *f, int probe, const double centre[3],
     v_unit(m);
     const double size = patch_texel(f, m), wide = cone + margin * size, ring = cone + 3.5 * size;
     if (m[2] <= 0 || wide > 1.5) return 0;
-    const int most = within(NULL, f, m, fmax(wide, ring));
+    const int most = within(NULL, f, probe, m, fmax(wide, ring));
     int *at = malloc((size_t)(most + 1) * sizeof *at);
     double *v = malloc(3 * (size_t)(most + 1) * sizeof *v);
     if (!at || !v) {
         free(at), free(v);
         return -1;
     }
-    within(at, f, m, fmax(wide, ring));
+    within(at, f, probe, m, fmax(wide, ring));
     set_ring(p, f, at, most, m, cone, limit);
-    p->n = within(at, f, m, wide);
+    p->n = within(at, f, probe, m, wide);
     p->at = at, p->lum = v, p->sr = v + most + 1, p->cover = v + 2 * (most + 1);
     for (int i = 0; i < p->n; i++) {
         p->lum[i] = lf_lum(f, probe, at[i] % f->nt, at[i] / f->nt) - p->ring_lum;
@@ -113,7 +116,7 @@ void patch_cover(patch *p, const lightfield *f, const ilf_luminaire *l, int S)
     for (int i = 0; i < p->n; i++) {
         const int x = p->at[i] % f->nt, y = p->at[i] / f->nt;
         double d[3], t, sum = 0, all = 0;
-        lf_direction(d, f, x + .5, y + .5);
+        lf_direction(d, f, p->probe, x + .5, y + .5);
         p->cover[i] = 0;
         if (v_dot(d, m) < cos(fmin(3, cone + size))) continue;
         for (int b = 0; b < S; b++) {
@@ -122,9 +125,9 @@ void patch_cover(patch *p, const lightfield *f, const ilf_luminaire *l, int S)
         }
         for (int a = 0; a < S; a++) {
             const double p1 = (y + (a + .5) / S) * f->dp, s = sin(p1);
-            d[2] = cos(p1);
             for (int b = 0; b < S; b++) {
-                d[0] = s * cs[b], d[1] = s * sn[b];
+                d[0] = s * cs[b], d[1] = s * sn[b], d[2] = cos(p1);
+                lf_outward(d, f, p->probe);
                 if (l->shape == ILF_SPHERE) { /* a ray stands for a small square, so that the cover is smooth
                                                  in the body's numbers */
                     const double g[3] = {d[0] - m[0], d[1] - m[1], d[2] - m[2]},

@@ -30,7 +30,7 @@ static int behind(double *wall, const lightfield *f, const surroundings *s, int 
     double d[3], x[3], v[WITNESSES];
     int n = 0;
 
-    lf_direction(d, f, k % f->nt + .5, k / f->nt + .5);
+    lf_direction(d, f, probe, k % f->nt + .5, k / f->nt + .5);
     if (d[2] < LOWEST) return 0;
     surroundings_meet(x, s, f->pos[probe], d);
     for (int w = 0; w < WITNESSES; w++) {
@@ -38,7 +38,7 @@ static int behind(double *wall, const lightfield *f, const surroundings *s, int 
         double e[3], px, py;
         v_sub(e, x, f->pos[q]);
         if (q == probe || e[2] < .1 * v_len(e)) continue;
-        lf_place(&px, &py, f, e);
+        lf_place(&px, &py, f, q, e);
         v[n++] = lf_look(f, q, px, py);
     }
     if (n < 3) return 0;

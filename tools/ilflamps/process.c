@@ -61,7 +61,8 @@ static void gp_rows(gp *g, const model *m, int fold, const lamp *l, const lightf
             ilf_luminaire base = l->s.l;
             base.nmasks = m->n, base.masks = (ilf_mask *)m->m[fold];
             x->w = ilf_luminaire_pass(&base, o, d) / USED;
-            for (int a = 0; a < 2; a++) x->p[a] = o[a], x->q[a] = o[a] + c[2] / d[2] * d[a] - c[a];
+            for (int a = 0; a < 2; a++)
+                x->p[a] = o[a] - o[2] / d[2] * d[a], x->q[a] = o[a] + (c[2] - o[2]) / d[2] * d[a] - c[a];
         }
         g->probe[g->n] = r->probe, g->y[g->n] = r->value;
         g->noise[g->n] = .02 * .02 + .004 * .004 / (r->share * r->share);

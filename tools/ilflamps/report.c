@@ -10,12 +10,14 @@
 #include "base/outfile.h"
 #include "vec.h"
 
+#define DEG (180 / 3.14159265358979323846)
+
 static const char *const SHAPES[] = {"sphere", "rectangle", "disc", "tube"};
 static const char *const FATES[] = {"taken out", "left in the field: too wide",
                                     "left in the field: not explained", "left in the field: no shape fits"};
 static const char *const KINDS[] = {"sheet", "foot picture", "gate", "beam", "stack", "ball"};
 
-static void text(FILE *o, const char *s)
+void report_text(FILE *o, const char *s)
 {
     fputc('"', o);
     for (; *s; s++)
@@ -94,7 +96,7 @@ static void one_lamp(FILE *o, const found *it, const lightfield *f)
     }
     if (it->fate == TAKEN || it->fate == UNEXPLAINED) {
         fprintf(o, "\"model\": ");
-        text(o, it->best.n ? it->best.name : "nothing hides it");
+        report_text(o, it->best.n ? it->best.name : "nothing hides it");
         fprintf(o, ", \"error\": %.4g, \"error_of_interpolation\": %.4g, ", it->best.error,
                 it->interpolation);
         if (it->best.height > 0) fprintf(o, "\"height\": %.4g, ", it->best.height);
@@ -105,6 +107,16 @@ static void one_lamp(FILE *o, const found *it, const lightfield *f)
     fprintf(o, "]}");
 }
 
+void report_lamps(FILE *o, const analysis *a)
+{
+    fprintf(o, "  \"lamps\": [\n");
+    for (int i = 0; i < a->n; i++) {
+        one_lamp(o, &a->lamps[i], &a->f);
+        fprintf(o, i + 1 < a->n ? ",\n" : "\n");
+    }
+    fprintf(o, "  ]\n");
+}
+
 int report_write(const char *path, const char *input, const analysis *a, errmsg *e)
 {
     outfile *out;
@@ -112,16 +124,16 @@ int report_write(const char *path, const char *input, const analysis *a, errmsg 
     if (out_begin(&out, path, e)) return -1;
     FILE *o = out_stream(out);
     fprintf(o, "{\n  \"input\": ");
-    text(o, input);
+    report_text(o, input);
     fprintf(o, ",\n  \"version\": %d, \"probes\": [%d, %d], \"texels\": [%d, %d],", a->f.info.version,
             a->f.nu, a->f.nv, a->f.nt, a->f.np);
     if (a->f.info.version == ILF_FILE_VERSION)
         fprintf(o, " \"spots\": %d, \"stray_spots\": %d, \"cpu_s\": %.2f,", a->spots, a->stray, a->cpu_s);
-    fprintf(o, "\n  \"lamps\": [\n");
-    for (int i = 0; i < a->n; i++) {
-        one_lamp(o, &a->lamps[i], &a->f);
-        fprintf(o, i + 1 < a->n ? ",\n" : "\n");
-    }
-    fprintf(o, "  ]\n}\n");
+    if (a->steady.measured)
+        fprintf(o, " \"turned_probes\": {\"measured\": %d, \"degrees\": %.4g, \"error_degrees\": %.4g},",
+                a->steady.measured, a->steady.turn * DEG, a->steady.sure * DEG);
+    fprintf(o, "\n");
+    report_lamps(o, a);
+    fprintf(o, "}\n");
     return out_commit(out, e);
 }

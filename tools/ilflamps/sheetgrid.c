@@ -62,10 +62,10 @@ int backview_make(backview *b, const sheetgrid *g, const lightfield *f)
             const double x = g->x0 + i * g->cell, y = g->y0 + j * g->cell;
             const double z = g->plane[0] + g->plane[1] * x + g->plane[2] * y;
             for (int k = 0; k < f->n; k += step) {
-                const double d[3] = {x - f->pos[k][0], y - f->pos[k][1], z};
+                const double d[3] = {x - f->pos[k][0], y - f->pos[k][1], z - f->pos[k][2]};
                 double px, py;
-                if (z < .05 * v_len(d)) continue;
-                lf_place(&px, &py, f, d);
+                if (d[2] < .05 * v_len(d)) continue;
+                lf_place(&px, &py, f, k, d);
                 const int at = fold_of(f, k) * cells + j * g->nx + i;
                 b->sum[at] += log(fmax(1e-12, lf_look(f, k, px, py))), b->count[at]++;
             }
@@ -119,7 +119,7 @@ int cellrows_make(cellrow *out, const sheetgrid *g, const lamp *l, const lightfi
         for (int q = 0; q < r->n; q++) {
             double end[3], x[2];
             const double w = ilf_luminaire_pass(&body, o, r->dir[q]) / r->n,
-                         far = l->s.l.centre[2] / r->dir[q][2];
+                         far = (l->s.l.centre[2] - o[2]) / r->dir[q][2];
             for (int a = 0; a < 3; a++) end[a] = o[a] + far * r->dir[q][a];
             if (crossing(x, g->plane, o, end)) add_term(c, g, x, w);
             else c->rest += w;

@@ -63,7 +63,7 @@ static int occupied(float o[FOLDS + 1], const job *j, const double x[3])
         double e[3], px, py;
         v_sub(e, x, j->f->pos[q]);
         if (e[2] < .2 * v_len(e)) continue;
-        lf_place(&px, &py, j->f, e);
+        lf_place(&px, &py, j->f, q, e);
         const float v = (float)pictures_look(j->pics, q, px, py);
         if (v < 0) continue;
         clear += v < CLEAR;

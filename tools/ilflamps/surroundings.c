@@ -143,7 +143,7 @@ static double mismatch(surroundings *s, const double b[5], const lightfield *f)
         double x[3], e[3], px, py, qx, qy;
         surroundings_meet(x, s, f->pos[i], d);
         v_sub(e, x, f->pos[j]);
-        lf_place(&px, &py, f, d), lf_place(&qx, &qy, f, e);
+        lf_place(&px, &py, f, i, d), lf_place(&qx, &qy, f, j, e);
         sum += fmin(.3, fabs(log(fmax(1e-9, lf_look(f, i, px, py)) / fmax(1e-9, lf_look(f, j, qx, qy))))),
             n++;
     }

@@ -1,13 +1,17 @@
 /*
- * ilfpack.c - light probes, in i-fastest order, to one incident light field file.
+ * ilfpack.c - light probes, in i-fastest order, to one incident light field file; pictures taken anywhere
+ * (--positions) are freepack.c's.
  */
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/cli.h"
 #include "base/outfile.h"
+#include "freepack.h"
 #include "ilf.h"
 #include "image/holes.h"
 #include "image/image.h"
@@ -15,6 +19,7 @@
 #define PI 3.14159265358979323846
 
 static int n_u, n_v, interleave, fill_holes, ignore_alpha, dry_run;
+static const char *positions, *geometry, *lamps, *report;
 static double plane[9], polar_max_deg, polar_valid_deg;
 static const char *plane_text, *type_name = "half", *compression = "none", *target, *layer;
 
@@ -35,6 +40,18 @@ static const cli_opt options[] = {
     {"interleave", 0, CLI_FLAG, &interleave, NULL, NULL,
      "hold the texels a second time, in the order that lookups like best:\ntwice the file, and faster where "
      "it is used in place"},
+    {"positions", 0, CLI_STRING, &positions, NULL, "FILE",
+     "the PROBEs are panoramas taken anywhere: lines \"picture x y z heading\n[pitch roll]\", scene's unit "
+     "and "
+     "degrees; --grid and --plane are what\nthey support if not given"},
+    {"geometry", 0, CLI_STRING, &geometry, NULL, "FILE.oct",
+     "with --positions: the surroundings, any materials: rtrace tells how\nfar they are (else a box is "
+     "estimated "
+     "from the pictures)"},
+    {"lamps", 0, CLI_STRING, &lamps, NULL, "auto|keep",
+     "with --positions: take lamps out (version 2; the default), or keep them\nin the probes (version 1)"},
+    {"report", 0, CLI_STRING, &report, NULL, "FILE.json",
+     "with --positions: write what was found: pictures, nodes, lamps"},
     {"polar-max", 0, CLI_DOUBLE, &polar_max_deg, NULL, "DEG",
      "polar angle at the probes' lower edge (default: as the first probe's\nilf:polarMax says, else 90)"},
     {"polar-valid", 0, CLI_DOUBLE, &polar_valid_deg, NULL, "DEG",
@@ -50,10 +67,13 @@ static const cli_opt options[] = {
     {0}};
 
 static const cli_prog prog = {
-    "ilfpack", "--grid NxM --plane \"O U V\" -o OUT.ilf.exr PROBE...",
+    "ilfpack",
+    "--grid NxM --plane \"O U V\" -o OUT.ilf.exr PROBE... | --positions FILE -o OUT.ilf.exr [PANORAMA...]",
     "Pack light probes into an incident light field.", options,
     "PROBEs are latitude/longitude maps of one size: OpenEXR, Radiance .hdr, PNG, JPEG, TIFF or PNM\n"
-    "(8 and 16 bit pictures count as sRGB).  They come row by row: (0,0) (1,0) ... (N-1,M-1).\n"};
+    "(8 and 16 bit pictures count as sRGB).  They come row by row: (0,0) (1,0) ... (N-1,M-1).\nWith "
+    "--positions they are equirectangular panoramas (top row up, middle column forward, columns to the "
+    "right), in any order.\n"};
 
 /* ---- what a probe's own header says ------------------------------------------------------------ */
 
@@ -272,20 +292,28 @@ static void check_rounding(void)
                  worst);
 }
 
-static void check_usage(int operands)
+static void check_common(void)
 {
     ilf_frame frame;
     ilf_error bad;
     errmsg err;
 
-    if (!n_u) cli_fail(CLI_USAGE, "expected --grid NxM");
-    if (!plane_text) cli_fail(CLI_USAGE, "expected --plane \"O U V\"");
-    if (cli_parse_doubles(plane, 9, plane_text, " ", &err) != 0) cli_fail(CLI_USAGE, "--plane: %s", err.text);
-    if (ilf_frame_init(&frame, plane, plane + 3, plane + 6, NULL, &bad) != ILF_OK)
+    if (plane_text && cli_parse_doubles(plane, 9, plane_text, " ", &err) != 0)
+        cli_fail(CLI_USAGE, "--plane: %s", err.text);
+    if (plane_text && ilf_frame_init(&frame, plane, plane + 3, plane + 6, NULL, &bad) != ILF_OK)
         cli_fail(CLI_USAGE, "--plane: %s", bad.text);
     if (!target) cli_fail(CLI_USAGE, "expected -o OUT.ilf.exr");
     if (strcmp(type_name, "half") != 0 && strcmp(type_name, "float") != 0)
         cli_fail(CLI_USAGE, "--type: expected half or float, found %s", type_name);
+}
+
+static void check_usage(int operands)
+{
+    if (geometry || lamps || report)
+        cli_fail(CLI_USAGE, "--geometry, --lamps and --report go with --positions: expected that, too");
+    if (!n_u) cli_fail(CLI_USAGE, "expected --grid NxM");
+    if (!plane_text) cli_fail(CLI_USAGE, "expected --plane \"O U V\"");
+    check_common();
     if (!dry_run && (int64_t)n_u * n_v != operands)
         cli_fail(CLI_USAGE, "expected %lld probes (%dx%d), found %d", (long long)n_u * n_v, n_u, n_v,
                  operands);
@@ -320,6 +348,50 @@ static void complete_probe(probe *p, const char *path, double polar_max)
     holes_hold(p->rgb, p->seen, p->w, p->h, p->gaps.rows);
 }
 
+/* ---- pictures taken anywhere ------------------------------------------------------------------------ */
+
+static void check_free(void)
+{
+    ilf_spec spec = {.n_u = 1, .n_v = 1, .n_theta = 8, .n_phi = 4, .U = {1}, .V = {0, 1}, .polar_max = 1};
+    ilf_error err;
+
+    check_common();
+    if (polar_valid_deg > 0)
+        cli_fail(CLI_USAGE, "--polar-valid is for probes on a grid, not for --positions");
+    if (lamps && strcmp(lamps, "auto") != 0 && strcmp(lamps, "keep") != 0)
+        cli_fail(CLI_USAGE, "--lamps: expected auto or keep, found \"%s\"", lamps);
+    if (geometry && access(geometry, R_OK) != 0)
+        cli_fail(CLI_FAILED, "--geometry: %s: %s", geometry, strerror(errno));
+    spec.compression = compression, spec.interleave = interleave, spec.name = target;
+    if (ilf_spec_check(&spec, &err) != ILF_OK) cli_fail(CLI_USAGE, "%s", err.text);
+}
+
+static int pack_free(char *const *pictures, int n, const char *line)
+{
+    const freeplan p = {.positions = positions,
+                        .plane = plane_text ? plane : NULL,
+                        .n_u = n_u,
+                        .n_v = n_v,
+                        .octree = geometry,
+                        .keep_lamps = lamps && strcmp(lamps, "keep") == 0,
+                        .how = {.polar_max = fmax(0, polar_max_deg) * PI / 180,
+                                .ignore_alpha = ignore_alpha,
+                                .layer = layer,
+                                .most_rows = 1024},
+                        .report = report,
+                        .target = target,
+                        .type = strcmp(type_name, "half") == 0 ? ILF_HALF : ILF_FLOAT,
+                        .compression = compression,
+                        .interleave = interleave,
+                        .line = line};
+    errmsg e;
+
+    check_free();
+    if (dry_run ? freepack_check(&p, pictures, n, &e) : freepack(&p, pictures, n, &e))
+        cli_fail(CLI_FAILED, "%s", e.text);
+    return cli_end(CLI_OK);
+}
+
 int main(int argc, char **argv)
 {
     char *line = cli_command_line(&prog, argc, argv);
@@ -329,6 +401,7 @@ int main(int argc, char **argv)
     ilf_error err;
     errmsg words;
 
+    if (positions) return pack_free(argv + 1, n, line);
     check_usage(n);
     const probe_facts facts = dry_run ? (probe_facts){0} : read_all_facts(argv + 1, n);
     ilf_spec spec = {.n_u = n_u,

@@ -1,0 +1,60 @@
+/*
+ * freereport.c - see freereport.h.
+ */
+#include "freereport.h"
+
+#include <stdio.h>
+
+#include "base/outfile.h"
+#include "ilflamps/report.h"
+
+static void numbers(FILE *o, const char *name, const double *v, int n)
+{
+    fprintf(o, "\"%s\": [", name);
+    for (int k = 0; k < n; k++) fprintf(o, "%s%.8g", k ? ", " : "", v[k]);
+    fprintf(o, "]");
+}
+
+static void pictures(FILE *o, const freefacts *f)
+{
+    fprintf(o, "  \"pictures\": [\n");
+    for (int k = 0; k < f->n; k++) {
+        const place *p = &f->at[k];
+        const double angles[3] = {p->heading, p->pitch, p->roll};
+        fprintf(o, "    {\"picture\": ");
+        report_text(o, f->pictures[k]);
+        fprintf(o, ", \"line\": %d, ", p->line);
+        numbers(o, "position", p->at, 3);
+        fprintf(o, ", ");
+        numbers(o, "angles", angles, 3);
+        fprintf(o, k + 1 < f->n ? "},\n" : "}\n");
+    }
+    fprintf(o, "  ],\n");
+}
+
+static void grid(FILE *o, const freefacts *f)
+{
+    fprintf(o, "  \"grid\": [%d, %d], ", f->n_u, f->n_v);
+    numbers(o, "plane", f->plane, 9);
+    fprintf(o, ",\n  \"nodes\": [\n");
+    for (int k = 0; k < f->n_u * f->n_v; k++)
+        fprintf(o, "    {\"node\": [%d, %d], \"nearest\": %.4g, \"error\": %.4g}%s\n", k % f->n_u, k / f->n_u,
+                f->nodes[k].nearest, f->nodes[k].error, k + 1 < f->n_u * f->n_v ? "," : "");
+    fprintf(o, "  ],\n");
+}
+
+int freereport_write(const char *path, const freefacts *f, const analysis *a, errmsg *e)
+{
+    outfile *out;
+
+    if (out_begin(&out, path, e)) return -1;
+    FILE *o = out_stream(out);
+    fprintf(o, "{\n  \"positions\": ");
+    report_text(o, f->positions);
+    fprintf(o, ",\n");
+    pictures(o, f);
+    grid(o, f);
+    report_lamps(o, a);
+    fprintf(o, "}\n");
+    return out_commit(out, e);
+}
