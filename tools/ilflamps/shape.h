@@ -26,4 +26,9 @@ int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const
 int shape_fit_lens(shape *s, const double at[3], const double cov[3][3], patch *p, int n,
                    const lightfield *f);
 
+/* Fit the body of a lamp anew, from s->l on: now what hides it is known (s->l's masks), the probes that see
+ * part of it (`seen`, per probe) have their say.  Sets s->l's body and radiance, misfit.  0; 1 where nothing
+ * can be told; -1 without memory. */
+int shape_fit_behind(shape *s, const double *seen, const lightfield *f, double limit);
+
 #endif
