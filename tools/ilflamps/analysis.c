@@ -73,6 +73,8 @@ static int shapes(analysis *a, const bloblist *list, const centre *c, int n, dou
         const int r = body_of(it, list, &c[i], i, a, limit);
         if (r < 0) return err_set(e, "no memory for a lamp's shape");
         it->l.c = c[i];
+        if (it->l.s.sigma_position > 0)
+            it->l.c.sigma = it->l.s.sigma_position; /* the body's, not the spots' */
         a->n++;
         it->fate = r > 0 || it->l.s.misfit > most ? SHAPELESS : TAKEN;
         if (r > 0) continue;
@@ -99,18 +101,26 @@ static int beside_another(const analysis *a, int k)
     return 0;
 }
 
-/* A lamp of which few probes see all, behind a sheet that is known by now: its body is fitted again to what
- * all of them see, and all that follows is done again.  Kept where left-out rows are met better. */
+/* A body that may be better known by now: a beam moved its spots' middles, or few probes saw all of it. */
+static int doubtful(const shape *s, const model *m)
+{
+    const ilf_mask_kind kind = m->n ? m->m[ALL][0].kind : ILF_MASK_FOOT;
+
+    if (kind == ILF_MASK_BEAM) return 1;
+    if (kind == ILF_MASK_GATE) return s->misfit > KNOWN;
+    if (kind != ILF_MASK_LAYER || !m->saw || s->full > ENOUGH) return 0;
+    return s->l.shape != ILF_SPHERE || s->misfit > KNOWN;
+}
+
+/* What shapes and hides a lamp is known by now: its body is fitted again to what all probes see, and all that
+ * follows is done again.  Kept where left-out rows are met better. */
 static int once_more(int *times, analysis *a, int k, pictures *pics, double limit, errmsg *e)
 {
     found *was = &a->lamps[k], now = {.fate = TAKEN};
     const model *m = &was->best;
     const shape *s = &was->l.s;
 
-    if (was->fate != TAKEN || !m->saw || !m->n || m->m[ALL][0].kind != ILF_MASK_LAYER) return 0;
-    if (s->lens || s->l.far || (s->l.shape == ILF_SPHERE && s->misfit < KNOWN) || s->full > ENOUGH ||
-        beside_another(a, k))
-        return 0;
+    if (was->fate != TAKEN || s->lens || s->l.far || !doubtful(s, m) || beside_another(a, k)) return 0;
     ++*times;
     lamp_put_back(&was->l, &a->f);
     now.l.s = *s, now.l.c = was->l.c;
@@ -118,6 +128,7 @@ static int once_more(int *times, analysis *a, int k, pictures *pics, double limi
     now.l.s.l.masks = NULL, now.l.s.l.nmasks = 0;
     if (bad < 0) return err_set(e, "no memory for a lamp's shape");
     if (!bad) {
+        if (now.l.s.sigma_position > 0) now.l.c.sigma = now.l.s.sigma_position;
         if (lamp_measure(&now.l, &a->f, limit, e) || lamp_take_out(&now.l, &a->f, limit, e)) return -1;
         pictures_add_lamp(pics, &now.l, &a->f);
         if (choose_model(&now, &a->f, pics, e)) return -1;

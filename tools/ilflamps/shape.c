@@ -166,6 +166,56 @@ static int fit(trial *t, const work *w)
     return 0;
 }
 
+/* Derivatives of the residuals by number k, on both sides; 0, or -1 without memory. */
+static int derivative(double *col, const trial *t, const work *w, int k)
+{
+    double *low = malloc((size_t)w->texels * sizeof *low);
+    const double h = k < 3 ? .05 * w->unit : .02;
+    trial q = *t;
+
+    if (!low) return -1;
+    q.p[k] = t->p[k] + h, residuals(col, &q, w);
+    q.p[k] = t->p[k] - h, residuals(low, &q, w);
+    for (int i = 0; i < w->texels; i++) col[i] = (col[i] - low[i]) / (2 * h);
+    free(low);
+    return 0;
+}
+
+/* Standard error of the body's middle: texels of one probe err together, so each probe counts as one
+ * measurement ((J'J)^-1 sum g g' (J'J)^-1, g = J'r of a probe; Liang and Zeger 1986).  0 where it can't be
+ * told. */
+static double unsure(const trial *t, const work *w)
+{
+    double *r = malloc((size_t)w->texels * (PARAMS + 1) * sizeof *r), sum = 0;
+    double JJ[PARAMS][PARAMS] = {{0}}, g[MOST_PROBES][PARAMS] = {{0}};
+    int list[PARAMS], n = 0, bad = !r;
+
+    for (int k = 0; k < 8; k++)
+        if (t->active >> k & 1) list[n++] = k;
+    if (r) residuals(r, t, w);
+    for (int k = 0; k < n && !bad; k++)
+        bad = derivative(r + (size_t)w->texels * (size_t)(k + 1), t, w, list[k]);
+    for (int k = 0; k < n && !bad; k++) {
+        const double *a = r + (size_t)w->texels * (size_t)(k + 1);
+        for (int m = 0; m <= k; m++) {
+            const double *b = r + (size_t)w->texels * (size_t)(m + 1);
+            for (int i = 0; i < w->texels; i++) JJ[k][m] += a[i] * b[i];
+            JJ[m][k] = JJ[k][m];
+        }
+        for (int p = 0, i = 0; p < w->n; p++)
+            for (int j = 0; j < w->p[p].n; j++, i++) g[p][k] += a[i] * r[i];
+    }
+    for (int p = 0; p < w->n && !bad; p++) {
+        double a[PARAMS][PARAMS], x[PARAMS];
+        memcpy(a, JJ, sizeof a);
+        for (int k = 0; k < n; k++) a[k][k] *= 1 + 1e-9;
+        solve(x, a, g[p], n);
+        for (int k = 0; k < 3; k++) sum += x[k] * x[k];
+    }
+    free(r);
+    return w->n > 2 ? sqrt(sum * w->n / (w->n - 1)) : 0;
+}
+
 /* A frame with the given third axis, its first along the projected covariance's larger axis. */
 static void stand(trial *t, const double n[3], const double cov[3][3], double turn)
 {
@@ -429,6 +479,7 @@ int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const
         body(&s->l, &t[best]);
         s->l.far = c->far;
         s->misfit = sqrt(t[best].misfit / w.n), s->full = w.n;
+        s->sigma_position = unsure(&t[best], &w);
         radiance(s, &w);
     }
     for (int i = 0; i < w.n; i++) patch_free(&patches[i]);
@@ -548,6 +599,7 @@ int shape_fit_behind(shape *s, const double *seen, const lightfield *f, double l
         memcpy(s->l.centre, l.centre, sizeof l.centre), memcpy(s->l.a, l.a, sizeof l.a),
             memcpy(s->l.b, l.b, sizeof l.b);
         s->l.radius = l.radius, s->misfit = sqrt(t[best].misfit / w.n);
+        s->sigma_position = unsure(&t[best], &w);
     }
     for (int i = 0; i < w.n; i++) patch_free(&patches[i]);
     return bad;

@@ -14,6 +14,7 @@ typedef struct shape {
     double misfit;         /* rms of texels' misfit over their rms, over the probes that see all of it */
     int full;              /* probes that see all of it */
     double sigma_radiance; /* relative standard error */
+    double sigma_position; /* standard error of the middle, scene's unit; 0: not known */
     int lens;              /* its radiance depends on the direction; radiance is the largest (gradient.h) */
 } shape;
 
