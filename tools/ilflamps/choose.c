@@ -142,7 +142,7 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
     *best = m[pick], *last = TABLE[pick].last;
     if (settled(best, base, l)) *last = 1;
     best->shaped |= TABLE[pick].strict;
-    say(best, TABLE[pick].name);
+    say(best, best->m[ALL][base->n].kind == ILF_MASK_BALL ? "ball" : TABLE[pick].name);
     return bad ? -1 : 0;
 }
 

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "ball.h"
 #include "card.h"
 #include "layers.h"
 #include "outline.h"
@@ -17,7 +18,6 @@ enum { HEIGHTS = 16, COARSE = 40, FINE = 112, STARTS = 2 };
 #define ABOVE   .45 /* sizes of the plane beyond its edges that a sheet must cover */
 #define STIFF   3
 #define OBLIQUE .93
-#define CARD    1. /* part of the free outline's error that a rectangle may leave */
 
 typedef struct job {
     const model *m;
@@ -134,16 +134,20 @@ static int attempt(best *b, const job *j, const double start[3], int moves, doub
     return r < 0 ? -1 : 0;
 }
 
-/* A rectangle about the best outline, where it explains as much. */
-static int attempt_card(best *b, const job *j)
+/* A body about the best outline, where it explains as much. */
+static int attempt_body(best *b, const job *j,
+                        int fit(model *, const lamp *, const lightfield *, const outline *))
 {
     model t;
     outline o = {0};
 
+    if (!b->o.n) return 0;
     if (model_copy(&t, j->m)) return -1;
-    const int r = card_fit(&t, j->l, j->f, &b->o);
-    if (!r && t.error < CARD * b->m.error) best_take(b, &t, &o);
-    else model_free(&t);
+    const int r = fit(&t, j->l, j->f, &b->o);
+    if (!r && model_doubt(&t) < model_doubt(&b->m)) {
+        o = b->o, memset(&b->o, 0, sizeof b->o); /* further bodies begin there, too */
+        best_take(b, &t, &o);
+    } else model_free(&t);
     return r < 0 ? -1 : 0;
 }
 
@@ -174,7 +178,8 @@ int layers_sheet(model *m, const lamp *l, const lightfield *f, const pictures *p
     if (b.any) { /* oblique only where that clearly helps: a short edge says little about slopes */
         double start[3];
         memcpy(start, b.m.m[ALL][m->n].plane, sizeof start);
-        if (attempt(&b, &j, start, 3, OBLIQUE) || attempt_card(&b, &j)) return -1;
+        if (attempt(&b, &j, start, 3, OBLIQUE)) return -1;
+        if (attempt_body(&b, &j, card_fit) || attempt_body(&b, &j, ball_fit)) return -1;
     }
     outline_free(&b.o);
     if (!b.any) return 1;
