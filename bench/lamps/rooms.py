@@ -216,6 +216,9 @@ def oddroom(seed):
 def named(name):
     if name.startswith("odd:"): return oddroom(int(name[4:]))
     if name.startswith("any:"): return anyroom(int(name[4:]))
+    if ":" in name:
+        import kinds
+        return kinds.room(name.split(":")[0], int(name.split(":")[1]))
     return FIXED[name]()
 
 
@@ -332,5 +335,7 @@ if __name__ == "__main__":
         for k in ("up", "side", "rad", "worst"): print(f"{k:6s}{line(one, k):24s} -> {line(two, k)}")
         for l in report["lamps"]: print(l["fate"], l["shape"], l.get("model"), l.get("error"), l.get("error_of_interpolation"), l.get("height", ""))
         print(f"CPU {report['cpu_s']:.1f} s")
-    elif a == ["list"]: print(*FIXED, "any:SEED", "odd:SEED")
+    elif a == ["list"]:
+        import kinds
+        print(*FIXED, *(f"{k}:SEED" for k in ("any", "odd", *kinds.KINDS)))
     else: raise SystemExit(__doc__)

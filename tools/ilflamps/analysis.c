@@ -11,6 +11,7 @@
 #include "choose.h"
 #include "gradient.h"
 #include "pictures.h"
+#include "vec.h"
 
 enum { TURNS = 3 };      /* looks at probes that are turned */
 #define BETTER      .8   /* of the bodies' misfits: turns that leave more are none */
@@ -19,6 +20,11 @@ enum { TURNS = 3 };      /* looks at probes that are turned */
 #define MISFIT_WIDE .2   /* of lamps of many texels, whose light is less even */
 #define LENS_FITS   .6   /* of an even body's misfit: a lens must look so much more like it */
 #define LENS_WIDER  1.5 /* lenses may look so much wider than other lamps: their light is in few directions */
+
+enum { MOST_TIMES = 4 }; /* second looks at all lamps together */
+#define KNOWN  .02       /* misfit of a sphere that needs no second look */
+#define GAINS  .85       /* of the error: a second look that leaves more needs no third */
+#define ENOUGH 12        /* probes that see all of a lamp: its body is known */
 
 static double typical(const lightfield *f)
 {
@@ -69,6 +75,8 @@ static int shapes(analysis *a, const bloblist *list, const centre *c, int n, dou
         const int r = body_of(it, list, &c[i], i, a, limit);
         if (r < 0) return err_set(e, "no memory for a lamp's shape");
         it->l.c = c[i];
+        if (it->l.s.sigma_position > 0)
+            it->l.c.sigma = it->l.s.sigma_position; /* the body's, not the spots' */
         a->n++;
         it->fate = r > 0 || it->l.s.misfit > most ? SHAPELESS : TAKEN;
         if (r > 0) continue;
@@ -79,7 +87,65 @@ static int shapes(analysis *a, const bloblist *list, const centre *c, int n, dou
     return 0;
 }
 
-static int explain(analysis *a, const plan *p, errmsg *e)
+/* Lamps whose texels lie among another's can't be put back alone. */
+static int beside_another(const analysis *a, int k)
+{
+    const double mid[3] = {a->f.len_u / 2, a->f.len_v / 2, 0};
+    double d[3], e[3];
+
+    v_sub(d, a->lamps[k].l.s.l.centre, mid), v_unit(d);
+    for (int i = 0; i < a->n; i++) {
+        if (i == k || a->lamps[i].fate == SHAPELESS) continue;
+        v_sub(e, a->lamps[i].l.s.l.centre, mid), v_unit(e);
+        const double apart = acos(fmin(1, v_dot(d, e)));
+        if (apart < .6 * (a->lamps[i].l.width + a->lamps[k].l.width) + 12 * a->f.dp) return 1;
+    }
+    return 0;
+}
+
+/* A body that may be better known by now: a beam moved its spots' middles, or few probes saw all of it. */
+static int doubtful(const shape *s, const model *m)
+{
+    const ilf_mask_kind kind = m->n ? m->m[ALL][0].kind : ILF_MASK_FOOT;
+
+    if (kind == ILF_MASK_BEAM) return 1;
+    if (kind == ILF_MASK_GATE) return s->misfit > KNOWN;
+    if (kind != ILF_MASK_LAYER || !m->saw || s->full > ENOUGH) return 0;
+    return s->l.shape != ILF_SPHERE || s->misfit > KNOWN;
+}
+
+/* What shapes and hides a lamp is known by now: its body is fitted again to what all probes see, and all that
+ * follows is done again.  Kept where left-out rows are met better. */
+static int once_more(int *times, analysis *a, int k, pictures *pics, double limit, errmsg *e)
+{
+    found *was = &a->lamps[k], now = {.fate = TAKEN};
+    const model *m = &was->best;
+    const shape *s = &was->l.s;
+
+    if (was->fate != TAKEN || s->lens || s->l.far || !doubtful(s, m) || beside_another(a, k)) return 0;
+    ++*times;
+    lamp_put_back(&was->l, &a->f);
+    now.l.s = *s, now.l.c = was->l.c;
+    int bad = shape_fit_behind(&now.l.s, was->l.seen, &a->f, limit);
+    now.l.s.l.masks = NULL, now.l.s.l.nmasks = 0;
+    if (bad < 0) return err_set(e, "no memory for a lamp's shape");
+    if (!bad) {
+        if (now.l.s.sigma_position > 0) now.l.c.sigma = now.l.s.sigma_position;
+        if (lamp_measure(&now.l, &a->f, limit, e) || lamp_take_out(&now.l, &a->f, limit, e)) return -1;
+        pictures_add_lamp(pics, &now.l, &a->f);
+        if (choose_model(&now, &a->f, pics, e)) return -1;
+        if (now.fate == TAKEN && now.best.error < was->best.error) {
+            lamp_free(&was->l), model_free(&was->best);
+            *was = now;
+            return 0;
+        }
+        lamp_put_back(&now.l, &a->f);
+        lamp_free(&now.l), model_free(&now.best);
+    }
+    return lamp_take_out(&was->l, &a->f, limit, e);
+}
+
+static int explain(analysis *a, const plan *p, double limit, errmsg *e)
 {
     pictures pics = {0};
     int hidden = 0, bad;
@@ -94,6 +160,12 @@ static int explain(analysis *a, const plan *p, errmsg *e)
         if (a->lamps[i].fate == TAKEN) pictures_add_lamp(&pics, &a->lamps[i].l, &a->f);
     for (int i = 0; i < a->n && !bad; i++)
         if (a->lamps[i].fate == TAKEN) bad = choose_model(&a->lamps[i], &a->f, &pics, e);
+    for (int i = 0, times = 0; i < a->n && !bad && hidden; i++)
+        for (int turn = 0; turn < 2 && times < MOST_TIMES && !bad; turn++) {
+            const double before = a->lamps[i].best.error;
+            bad = once_more(&times, a, i, &pics, limit, e);
+            if (a->lamps[i].best.error > GAINS * before) break;
+        }
     pictures_free(&pics);
     return bad;
 }
@@ -193,6 +265,7 @@ int analyse_field(analysis *a, lightfield *f, const plan *p, errmsg *e)
 {
     bloblist list = {0};
     centre *c = calloc((size_t)p->most + 1, sizeof *c);
+    double limit = 0;
     int bad = 0;
 
     memset(a, 0, sizeof *a);
@@ -203,14 +276,14 @@ int analyse_field(analysis *a, lightfield *f, const plan *p, errmsg *e)
     const clock_t began = clock();
     if (!bad && p->most > 0) bad = blobs_find(&list, &a->f, OVER, e);
     if (!bad) {
-        const double limit = OVER * typical(&a->f);
+        limit = OVER * typical(&a->f);
         bad = steady_shapes(a, &list, c, centres_find(c, p->most, &list, &a->f), limit, p, e);
         for (int i = 0; i < list.n; i++) a->stray += list.b[i].lamp < 0;
         a->spots = list.n;
         for (int i = 0; i < a->n && !bad; i++)
             if (a->lamps[i].fate == TAKEN) bad = lamp_take_out(&a->lamps[i].l, &a->f, limit, e);
     }
-    if (!bad) bad = explain(a, p, e);
+    if (!bad) bad = explain(a, p, limit, e);
     for (int i = a->n; i-- > 0 && !bad;)
         if (a->lamps[i].fate != TAKEN) lamp_put_back(&a->lamps[i].l, &a->f);
     a->cpu_s = (double)(clock() - began) / CLOCKS_PER_SEC;

@@ -16,7 +16,7 @@
 #include "smooth.h"
 #include "vec.h"
 
-enum { ROUNDS = 2, FEW = 6 };
+enum { ROUNDS = 2 };
 #define ABRUPT    .6    /* of the light: more between two probes says nothing about where */
 #define HELPS     0.9   /* a further mask must bring the error below this part of what it was */
 #define STRICT    .4    /* part of the error that a beam or gate may leave */
@@ -91,10 +91,10 @@ static double gaps(int *n, const double *v, const lamp *l, const lightfield *f)
 }
 
 /* Error that rows of left-out probes don't show: an edge between two probes lies anywhere between them, and a
- * quarter of the light there is wrong on the average; a form of few numbers is held by all its edges
- * together.
+ * quarter of the light there is wrong on the average.  (Forms of few numbers are held by all their edges
+ * together, and say themselves how sure they are.)
  */
-static double unresolved(const model *base, int few, const lamp *l, const lightfield *f)
+static double unresolved(const model *base, const lamp *l, const lightfield *f)
 {
     double *v = malloc((size_t)f->n * sizeof *v), part = 0;
     int n = 0;
@@ -103,7 +103,7 @@ static double unresolved(const model *base, int few, const lamp *l, const lightf
     unexplained(v, base, l, f);
     part = gaps(&n, v, l, f);
     free(v);
-    return sqrt(.25 * part * (few && n > FEW ? (double)FEW / n : 1));
+    return sqrt(.25 * part);
 }
 
 /* A lens whose light is as good as explained. */
@@ -119,7 +119,7 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
 {
     model m[KINDS];
     int ok[KINDS], pick = -1, bad = 0;
-    const double goal = enough(l), blind[2] = {unresolved(base, 0, l, f), unresolved(base, 1, l, f)};
+    const double goal = enough(l), unknown = unresolved(base, l, f);
 
     for (int k = 0; k < KINDS; k++) {
         ok[k] = 0, memset(&m[k], 0, sizeof m[k]);
@@ -127,7 +127,7 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
         if (pick >= 0 && !TABLE[k].strict && settled(&m[pick], base, l)) continue;
         bad |= model_copy(&m[k], base);
         const int r = bad ? -1 : TABLE[k].fit(&m[k], l, f, pics);
-        if (r == 0 && !m[k].saw) m[k].blind = fmax(m[k].blind, blind[TABLE[k].strict]);
+        if (r == 0 && !TABLE[k].strict && !m[k].saw) m[k].blind = fmax(m[k].blind, unknown);
         const double miss = model_doubt(&m[k]);
         ok[k] = r == 0 && (!TABLE[k].strict || miss < fmax(STRICT * model_doubt(base), goal)), bad |= r < 0;
         if (ok[k] && (pick < 0 || miss < model_doubt(&m[pick]))) pick = k;
@@ -141,7 +141,7 @@ static int one_more(model *best, int *last, const model *base, const lamp *l, co
     *best = m[pick], *last = TABLE[pick].last;
     if (settled(best, base, l)) *last = 1;
     best->shaped |= TABLE[pick].strict;
-    say(best, TABLE[pick].name);
+    say(best, best->m[ALL][base->n].kind == ILF_MASK_BALL ? "ball" : TABLE[pick].name);
     return bad ? -1 : 0;
 }
 

@@ -396,5 +396,6 @@ int gradient_mask(model *m, const lamp *l, const lightfield *f, const pictures *
     if (bad) return bad;
     m->n++;
     model_judge(m, l, f);
+    m->blind = model_spread(m, l, f);
     return 0;
 }

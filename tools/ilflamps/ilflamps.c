@@ -66,7 +66,8 @@ static const cli_opt options[] = {
     {"lamps", 0, CLI_STRING, &lamps, NULL, "keep|auto|N",
      "lamps to take out: none, all that can be explained (the default), or the N brightest"},
     {"max-width", 0, CLI_DOUBLE, &max_width, NULL, "DEG",
-     "leave lamps in the field that look wider than this (default 15)"},
+     "leave lamps in the field that look wider than this (default 15); lenses with a beam of their own may "
+     "look half as wide again"},
     {"export-rad", 0, CLI_STRING, &exported, NULL, "DIR",
      "write lamps and what is left for Radiance programs without our patches: lamps.rad, panorama.rad, ..."},
     {"dry-run", 0, CLI_FLAG, &dry_run, NULL, NULL, "check the options; read no light field, write nothing"},

@@ -13,7 +13,7 @@
 
 #include "shape.h"
 
-enum { ROW_SAMPLES = 8, FOLDS = 4 };
+enum { ROW_SAMPLES = 24, FOLDS = 4 };
 #define ABOVE_PLANE 4.
 
 typedef struct row {

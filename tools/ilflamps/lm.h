@@ -4,7 +4,7 @@
 #ifndef LM_H
 #define LM_H
 
-enum { LM_MOST = 8 };
+enum { LM_MOST = 9 };
 
 /* Residuals r[0..m-1] for parameters p. */
 typedef void lm_fn(double *r, const double *p, void *context);

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "vec.h"
+
 double model_row(const row *r, const lamp *l, const lightfield *f, const ilf_mask *masks, int n)
 {
     ilf_luminaire body = l->s.l;
@@ -27,6 +29,53 @@ void model_judge(model *m, const lamp *l, const lightfield *f)
         sum += r->share * miss * miss, weight += r->share;
     }
     m->error = weight > 0 ? sqrt(sum / weight) : 0;
+}
+
+enum { ACROSS = 15 };
+static const double LEVEL[PLACES / ACROSS / ACROSS] = {.02, .1, .3}; /* sizes of the plane */
+
+int model_place(double o[3], int k, const lamp *l, const lightfield *f)
+{
+    o[0] = f->len_u * (k % ACROSS + .5) / ACROSS, o[1] = f->len_v * (k / ACROSS % ACROSS + .5) / ACROSS;
+    o[2] = f->size * LEVEL[k / ACROSS / ACROSS];
+    return o[2] < l->s.l.centre[2] - ilf_luminaire_extent(&l->s.l);
+}
+
+void model_line(double d[3], const double o[3], int point, const lamp *l)
+{
+    const double r = .6 * ilf_luminaire_extent(&l->s.l);
+
+    v_sub(d, l->s.l.centre, o);
+    if (point) d[0] += point & 1 ? r : -r, d[1] += point & 2 ? r : -r;
+    v_unit(d);
+}
+
+/* Sum of squares of what the folds' versions differ by along lines from one place to the lamp. */
+static double parting(const model *m, const lamp *l, const double o[3])
+{
+    ilf_luminaire body = l->s.l;
+    double sum = 0;
+
+    body.nmasks = m->n;
+    for (int q = 0; q < LAMP_POINTS; q++) {
+        double d[3], v[FOLDS + 1];
+        model_line(d, o, q, l);
+        for (int s = 0; s <= FOLDS; s++) {
+            body.masks = (ilf_mask *)m->m[s];
+            v[s] = ilf_luminaire_pass(&body, o, d);
+        }
+        for (int s = 0; s < FOLDS; s++) sum += (v[s] - v[ALL]) * (v[s] - v[ALL]) / LAMP_POINTS;
+    }
+    return sum;
+}
+
+double model_spread(const model *m, const lamp *l, const lightfield *f)
+{
+    double sum = 0, o[3];
+
+    for (int k = 0; k < PLACES; k++)
+        if (model_place(o, k, l, f)) sum += parting(m, l, o);
+    return sqrt(sum * (FOLDS - 1) / FOLDS / PLACES);
 }
 
 int model_copy(model *to, const model *from)

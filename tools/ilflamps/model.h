@@ -31,6 +31,16 @@ double model_row(const row *r, const lamp *l, const lightfield *f, const ilf_mas
 /* Set error from left-out rows. */
 void model_judge(model *m, const lamp *l, const lightfield *f);
 
+/* Lines along which hypotheses are compared where no probe stands: from place k, between the probes and up to
+ * .3 sizes of the plane above them, to one of LAMP_POINTS points of the lamp.  0 if place k is above it. */
+enum { PLACES = 15 * 15 * 3, LAMP_POINTS = 5 };
+int model_place(double o[3], int k, const lamp *l, const lightfield *f);
+void model_line(double d[3], const double o[3], int point, const lamp *l);
+
+/* How far the folds' versions part from that of all probes at those places, as a standard error of
+ * the latter (jackknife). */
+double model_spread(const model *m, const lamp *l, const lightfield *f);
+
 /* Error by all that is known. */
 static inline double model_doubt(const model *m)
 {

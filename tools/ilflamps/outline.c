@@ -151,14 +151,6 @@ int outline_trace(outline *o, const double *sharp, const sheetgrid *g)
 
 enum { STEPS = 15 };
 
-/* What one picture says about a point of the line. */
-typedef struct saying {
-    int point, probe;
-    double off;      /* the edge's place along the normal */
-    double lean[3];  /* d off / d (height, slopes) */
-    double w, width; /* weight; a texel's width there, scene's unit */
-} saying;
-
 static double height_at(const outline *o, double x, double y)
 {
     return o->plane[0] + o->plane[1] * x + o->plane[2] * y;
@@ -212,7 +204,7 @@ static int listen(saying *s, const outline *o, int k, const lightfield *f, int p
 
 enum { MOST_PICTURES = 64 };
 
-static int listen_all(saying **all, const outline *o, const lightfield *f, int fold)
+int outline_listen(saying **all, const outline *o, const lightfield *f, int fold)
 {
     const int step = (f->n + MOST_PICTURES - 1) / MOST_PICTURES, probes = (f->n + step - 1) / step;
     saying *s = malloc(((size_t)o->n * (size_t)probes + 1) * sizeof *s);
@@ -338,7 +330,7 @@ static void smooth_along(double *e, const outline *o)
 int outline_settle(outline *o, const lightfield *f, int fold, int moves)
 {
     saying *s;
-    const int n = listen_all(&s, o, f, fold);
+    const int n = outline_listen(&s, o, f, fold);
     double *e = calloc((size_t)o->n + 1, sizeof *e), d[3], sum = 0, all = 0, seen = 0;
 
     if (n < 0 || !e) return free(s), free(e), -1;

@@ -22,6 +22,18 @@ typedef struct outline {
     double sure;    /* part of the line that the pictures see */
 } outline;
 
+/* What one picture says about a point of the line. */
+typedef struct saying {
+    int point, probe;
+    double off;      /* the edge's place along the normal */
+    double lean[3];  /* d off / d (height, slopes) */
+    double w, width; /* weight; a texel's width there, scene's unit */
+} saying;
+
+/* What pictures of probes not in `fold` say about all points.  *all is the caller's to free.  Returns their
+ * number, or -1. */
+int outline_listen(saying **all, const outline *o, const lightfield *f, int fold);
+
 /* The line M = 1/2; 1 if there is none. */
 int outline_trace(outline *o, const double *M, const sheetgrid *g);
 void outline_free(outline *o);

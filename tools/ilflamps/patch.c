@@ -116,6 +116,7 @@ void patch_cover(patch *p, const lightfield *f, const ilf_luminaire *l, int S)
     for (int i = 0; i < p->n; i++) {
         const int x = p->at[i] % f->nt, y = p->at[i] / f->nt;
         double d[3], t, sum = 0, all = 0;
+        const ilf_luminaire *before = p->behind;
         lf_direction(d, f, p->probe, x + .5, y + .5);
         p->cover[i] = 0;
         if (v_dot(d, m) < cos(fmin(3, cone + size))) continue;
@@ -132,8 +133,10 @@ void patch_cover(patch *p, const lightfield *f, const ilf_luminaire *l, int S)
                                                  in the body's numbers */
                     const double g[3] = {d[0] - m[0], d[1] - m[1], d[2] - m[2]},
                                  wide = .5 * (f->dp + f->dt * s) / S;
-                    sum += s * fmax(0, fmin(1, .5 + (cone - v_len(g)) / wide));
-                } else if (ilf_luminaire_hit(&t, l, o, d)) sum += s;
+                    const double part = fmax(0, fmin(1, .5 + (cone - v_len(g)) / wide));
+                    sum += s * (part > 0 && before ? part * ilf_luminaire_pass(before, o, d) : part);
+                } else if (ilf_luminaire_hit(&t, l, o, d))
+                    sum += before ? s * ilf_luminaire_pass(before, o, d) : s;
                 all += s;
             }
         }

@@ -9,12 +9,14 @@
 
 typedef struct patch {
     int probe, n;
-    int *at;        /* texels: y*nt + x */
-    double *lum;    /* their luminance less the ring's */
-    double *sr;     /* solid angles */
-    double *cover;  /* part covered by the lamp, by patch_cover */
-    double *gain;   /* cover is multiplied by it: a lens' own picture; NULL: even */
-    double ring[3]; /* R G B of what surrounds the lamp */
+    int *at;                     /* texels: y*nt + x */
+    double *lum;                 /* their luminance less the ring's */
+    double *sr;                  /* solid angles */
+    double *cover;               /* part covered by the lamp, by patch_cover */
+    double *gain;                /* cover is multiplied by it: a lens' own picture; NULL: even */
+    const ilf_luminaire *behind; /* its masks hide parts of the lamp: cover counts what they let through;
+                                    NULL: none */
+    double ring[3];              /* R G B of what surrounds the lamp */
     double ring_lum;
 } patch;
 

@@ -22,6 +22,9 @@ enum { MOST_PROBES = 32, PARAMS = 9 };
 #define DOUBT    .1  /* rms misfit above which those that see part of it are looked for */
 #define SURE     .03 /* rms misfit below which a sphere needs no rival */
 
+#define NEARLY_STRAIGHT .96 /* cosine of the angle that a straight body's normal may have been off */
+#define AS_GOOD         1.5 /* misfit of a straight body, of a free one's */
+
 /* centre 0-2, log sizes 3 and 4, turn about the frame's third axis 5, first 6, second 7 */
 typedef struct trial {
     ilf_shape shape;
@@ -34,7 +37,8 @@ typedef struct work {
     const lightfield *f;
     patch *p;
     int n, S, texels;
-    double unit; /* scale of the positions' steps: lamp's size */
+    int together; /* one amplitude for all probes: what hides the lamp is known */
+    double unit;  /* scale of the positions' steps: lamp's size */
 } work;
 
 static void rotate(double v[3], const double axis[3], double angle)
@@ -60,6 +64,15 @@ static void body(ilf_luminaire *l, const trial *t)
     l->radius = t->shape == ILF_SPHERE ? a : t->shape == ILF_TUBE ? b : 0;
 }
 
+/* Sums over a probe's texels: measured x expected, expected squared, measured squared. */
+static void products(double s[3], const patch *p)
+{
+    for (int j = 0; j < p->n; j++) {
+        s[0] += p->sr[j] * p->lum[j] * p->cover[j];
+        s[1] += p->sr[j] * p->cover[j] * p->cover[j], s[2] += p->sr[j] * p->lum[j] * p->lum[j];
+    }
+}
+
 /* Residuals of all texels (weights: square root of solid angle); returns their sum of squares. */
 static double residuals(double *r, const trial *t, const work *w)
 {
@@ -69,14 +82,15 @@ static double residuals(double *r, const trial *t, const work *w)
     body(&l, t);
 #pragma omp parallel for schedule(dynamic, 1)
     for (int i = 0; i < w->n; i++) patch_cover(&w->p[i], w->f, &l, w->S);
+    double all[3] = {0, 1e-30, 1e-30};
+    for (int i = 0; i < w->n && w->together; i++) products(all, &w->p[i]);
     for (int i = 0, k = 0; i < w->n; i++) {
         const patch *p = &w->p[i];
-        double yc = 0, cc = 1e-30, yy = 1e-30;
-        for (int j = 0; j < p->n; j++)
-            yc += p->sr[j] * p->lum[j] * p->cover[j], cc += p->sr[j] * p->cover[j] * p->cover[j],
-                yy += p->sr[j] * p->lum[j] * p->lum[j];
+        double own[3] = {0, 1e-30, 1e-30};
+        products(own, p);
+        const double *q = w->together ? all : own, yy = w->together ? q[2] / w->n : q[2];
         for (int j = 0; j < p->n; j++, k++) {
-            r[k] = sqrt(p->sr[j] / yy) * (p->lum[j] - yc / cc * p->cover[j]);
+            r[k] = sqrt(p->sr[j] / yy) * (p->lum[j] - q[0] / q[1] * p->cover[j]);
             sum += r[k] * r[k];
         }
     }
@@ -150,6 +164,56 @@ static int fit(trial *t, const work *w)
     }
     free(r);
     return 0;
+}
+
+/* Derivatives of the residuals by number k, on both sides; 0, or -1 without memory. */
+static int derivative(double *col, const trial *t, const work *w, int k)
+{
+    double *low = malloc((size_t)w->texels * sizeof *low);
+    const double h = k < 3 ? .05 * w->unit : .02;
+    trial q = *t;
+
+    if (!low) return -1;
+    q.p[k] = t->p[k] + h, residuals(col, &q, w);
+    q.p[k] = t->p[k] - h, residuals(low, &q, w);
+    for (int i = 0; i < w->texels; i++) col[i] = (col[i] - low[i]) / (2 * h);
+    free(low);
+    return 0;
+}
+
+/* Standard error of the body's middle: texels of one probe err together, so each probe counts as one
+ * measurement ((J'J)^-1 sum g g' (J'J)^-1, g = J'r of a probe; Liang and Zeger 1986).  0 where it can't be
+ * told. */
+static double unsure(const trial *t, const work *w)
+{
+    double *r = malloc((size_t)w->texels * (PARAMS + 1) * sizeof *r), sum = 0;
+    double JJ[PARAMS][PARAMS] = {{0}}, g[MOST_PROBES][PARAMS] = {{0}};
+    int list[PARAMS], n = 0, bad = !r;
+
+    for (int k = 0; k < 8; k++)
+        if (t->active >> k & 1) list[n++] = k;
+    if (r) residuals(r, t, w);
+    for (int k = 0; k < n && !bad; k++)
+        bad = derivative(r + (size_t)w->texels * (size_t)(k + 1), t, w, list[k]);
+    for (int k = 0; k < n && !bad; k++) {
+        const double *a = r + (size_t)w->texels * (size_t)(k + 1);
+        for (int m = 0; m <= k; m++) {
+            const double *b = r + (size_t)w->texels * (size_t)(m + 1);
+            for (int i = 0; i < w->texels; i++) JJ[k][m] += a[i] * b[i];
+            JJ[m][k] = JJ[k][m];
+        }
+        for (int p = 0, i = 0; p < w->n; p++)
+            for (int j = 0; j < w->p[p].n; j++, i++) g[p][k] += a[i] * r[i];
+    }
+    for (int p = 0; p < w->n && !bad; p++) {
+        double a[PARAMS][PARAMS], x[PARAMS];
+        memcpy(a, JJ, sizeof a);
+        for (int k = 0; k < n; k++) a[k][k] *= 1 + 1e-9;
+        solve(x, a, g[p], n);
+        for (int k = 0; k < 3; k++) sum += x[k] * x[k];
+    }
+    free(r);
+    return w->n > 2 ? sqrt(sum * w->n / (w->n - 1)) : 0;
 }
 
 /* A frame with the given third axis, its first along the projected covariance's larger axis. */
@@ -415,6 +479,7 @@ int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const
         body(&s->l, &t[best]);
         s->l.far = c->far;
         s->misfit = sqrt(t[best].misfit / w.n), s->full = w.n;
+        s->sigma_position = unsure(&t[best], &w);
         radiance(s, &w);
     }
     for (int i = 0; i < w.n; i++) patch_free(&patches[i]);
@@ -455,5 +520,87 @@ int shape_fit_lens(shape *s, const double at[3], const double cov[3][3], patch *
     }
     body(&s->l, &t[best]);
     s->misfit = sqrt(t[best].misfit / n), s->full = n;
+    return bad;
+}
+
+/* The same body lying or standing straight, where it nearly does; 1 if it doesn't. */
+static int straight(trial *t)
+{
+    double *n = t->base[2], *x = t->base[0];
+    int k = 0;
+
+    for (int c = 1; c < 3; c++)
+        if (fabs(n[c]) > fabs(n[k])) k = c;
+    if (t->shape == ILF_SPHERE || t->shape == ILF_TUBE || fabs(n[k]) < NEARLY_STRAIGHT) return 1;
+    for (int c = 0; c < 3; c++) n[c] = c == k ? (n[k] < 0 ? -1 : 1) : 0;
+    for (int c = 0; c < 3; c++) x[c] -= n[c] * n[k] * x[k];
+    v_unit(x), v_cross(t->base[1], n, x);
+    t->active = t->shape == ILF_DISC ? 0xf : 0x3f;
+    return 0;
+}
+
+/* Texels of the probes that see most of the lamp. */
+static int partly(work *w, const shape *s, const double *seen, double limit)
+{
+    const lightfield *f = w->f;
+    double least = .08;
+    int many;
+
+    do {
+        many = 0, least *= 1.25;
+        for (int k = 0; k < f->n; k++) many += seen[k] > least;
+    } while (many > MOST_PROBES && least < .8);
+    for (int k = 0; k < f->n && w->n < MOST_PROBES; k++) {
+        if (seen[k] <= least) continue;
+        if (patch_make(&w->p[w->n], f, k, s->l.centre, ilf_luminaire_cone(&s->l, f->pos[k]), 2, limit))
+            return -1;
+        w->p[w->n].behind = &s->l;
+        w->texels += w->p[w->n].n;
+        w->n += w->p[w->n].n > 0;
+    }
+    return w->n < 6;
+}
+
+/* Radiance that fits all texels. */
+static void shine_behind(shape *s, const work *w, const ilf_luminaire *l)
+{
+    double all[3] = {0, 1e-30, 0}, ring = 0;
+
+    for (int i = 0; i < w->n; i++) {
+        patch_cover(&w->p[i], w->f, l, w->S);
+        products(all, &w->p[i]);
+        ring += w->p[i].ring_lum / w->n;
+    }
+    const double lum = all[0] / all[1] + ring;
+    for (int c = 0; c < 3; c++) s->l.rgb[c] *= (float)(lum / s->radiance);
+    s->radiance = lum;
+}
+
+int shape_fit_behind(shape *s, const double *seen, const lightfield *f, double limit)
+{
+    patch patches[MOST_PROBES];
+    work w = {.f = f, .p = patches, .S = 6, .together = 1};
+    trial t[2];
+    int bad = partly(&w, s, seen, limit), best = 0;
+    double towards[3] = {f->len_u / 2, f->len_v / 2, 0};
+
+    v_sub(towards, towards, s->l.centre);
+    w.unit = fmax(.25 * v_len(towards) * f->dp, .25 * ilf_luminaire_extent(&s->l));
+    trial_of(&t[0], &s->l);
+    t[1] = t[0];
+    const int free_only = straight(&t[1]);
+    for (int k = 0; k < 2 - free_only && !bad; k++) bad = fit(&t[k], &w);
+    if (!bad) {
+        ilf_luminaire l;
+        best = !free_only && t[1].misfit < AS_GOOD * t[0].misfit;
+        body(&l, &t[best]);
+        l.far = s->l.far;
+        shine_behind(s, &w, &l);
+        memcpy(s->l.centre, l.centre, sizeof l.centre), memcpy(s->l.a, l.a, sizeof l.a),
+            memcpy(s->l.b, l.b, sizeof l.b);
+        s->l.radius = l.radius, s->misfit = sqrt(t[best].misfit / w.n);
+        s->sigma_position = unsure(&t[best], &w);
+    }
+    for (int i = 0; i < w.n; i++) patch_free(&patches[i]);
     return bad;
 }

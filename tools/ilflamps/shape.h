@@ -14,6 +14,7 @@ typedef struct shape {
     double misfit;         /* rms of texels' misfit over their rms, over the probes that see all of it */
     int full;              /* probes that see all of it */
     double sigma_radiance; /* relative standard error */
+    double sigma_position; /* standard error of the middle, scene's unit; 0: not known */
     int lens;              /* its radiance depends on the direction; radiance is the largest (gradient.h) */
 } shape;
 
@@ -25,5 +26,10 @@ int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const
  * from s->l).  Sets l but its radiance, misfit, full.  Returns 0, or -1 without memory. */
 int shape_fit_lens(shape *s, const double at[3], const double cov[3][3], patch *p, int n,
                    const lightfield *f);
+
+/* Fit the body of a lamp anew, from s->l on: now what hides it is known (s->l's masks), the probes that see
+ * part of it (`seen`, per probe) have their say.  Sets s->l's body and radiance, misfit.  0; 1 where nothing
+ * can be told; -1 without memory. */
+int shape_fit_behind(shape *s, const double *seen, const lightfield *f, double limit);
 
 #endif

@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "ball.h"
+#include "card.h"
 #include "layers.h"
 #include "outline.h"
 #include "sheetgrid.h"
@@ -87,40 +89,64 @@ static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, con
     return bad;
 }
 
-/* All five versions of the sheet from a start. */
-static int sheet_from(model *m, const job *j, const double start[3], int moves)
+/* All five versions of the sheet from a start; *o: the outline of all probes. */
+static int sheet_from(model *m, outline *o, const job *j, const double start[3], int moves)
 {
-    outline o = {0};
     sheetgrid g;
     backview b;
 
     sheetgrid_make(&g, start, j->l->s.l.centre, j->f, ABOVE, FINE);
     if (backview_make(&b, &g, j->f)) return -1;
-    int bad = sheet_once(&m->m[ALL][m->n], &o, j, ALL, &g, &b, moves);
+    int bad = sheet_once(&m->m[ALL][m->n], o, j, ALL, &g, &b, moves);
     for (int fold = 0; fold < FOLDS && !bad; fold++)
         bad = sheet_once(&m->m[fold][m->n], NULL, j, fold, &g, &b, moves);
     backview_free(&b);
-    if (bad) return outline_free(&o), bad;
-    const double sure = o.sure;
-    m->height = o.plane[0] + (o.plane[1] * j->f->len_u + o.plane[2] * j->f->len_v) / 2;
-    outline_free(&o);
+    if (bad) return bad;
+    m->height = o->plane[0] + (o->plane[1] * j->f->len_u + o->plane[2] * j->f->len_v) / 2;
     m->n++;
-    m->saw = sure > .5;
+    m->saw = o->sure > .5;
     model_judge(m, j->l, j->f);
     return 0;
 }
 
+typedef struct best {
+    model m;
+    outline o;
+    int any;
+} best;
+
+static void best_take(best *b, model *m, outline *o)
+{
+    model_free(&b->m), outline_free(&b->o);
+    b->m = *m, b->o = *o, b->any = 1;
+}
+
 /* A sheet from a start becomes the best if its error is below `part` of the best's so far. */
-static int attempt(model *best, int *any, const model *base, const job *j, const double start[3], int moves,
-                   double part)
+static int attempt(best *b, const job *j, const double start[3], int moves, double part)
 {
     model t;
+    outline o = {0};
 
-    if (model_copy(&t, base)) return -1;
-    const int r = sheet_from(&t, j, start, moves);
-    if (!r && (!*any || t.error < part * best->error)) {
-        model_free(best);
-        *best = t, *any = 1;
+    if (model_copy(&t, j->m)) return -1;
+    const int r = sheet_from(&t, &o, j, start, moves);
+    if (!r && (!b->any || t.error < part * b->m.error)) best_take(b, &t, &o);
+    else model_free(&t), outline_free(&o);
+    return r < 0 ? -1 : 0;
+}
+
+/* A body about the best outline, where it explains as much. */
+static int attempt_body(best *b, const job *j,
+                        int fit(model *, const lamp *, const lightfield *, const outline *))
+{
+    model t;
+    outline o = {0};
+
+    if (!b->o.n) return 0;
+    if (model_copy(&t, j->m)) return -1;
+    const int r = fit(&t, j->l, j->f, &b->o);
+    if (!r && model_doubt(&t) < model_doubt(&b->m)) {
+        o = b->o, memset(&b->o, 0, sizeof b->o); /* further bodies begin there, too */
+        best_take(b, &t, &o);
     } else model_free(&t);
     return r < 0 ? -1 : 0;
 }
@@ -129,8 +155,8 @@ int layers_sheet(model *m, const lamp *l, const lightfield *f, const pictures *p
 {
     const job j = {m, l, f};
     double h[HEIGHTS], e[HEIGHTS], lowest = 0;
-    model best = {0};
-    int tried[HEIGHTS] = {0}, any = 0;
+    best b = {0};
+    int tried[HEIGHTS] = {0};
 
     (void)pics;
     for (int k = 0; k < HEIGHTS; k++) {
@@ -147,15 +173,17 @@ int layers_sheet(model *m, const lamp *l, const lightfield *f, const pictures *p
         if (!s) lowest = e[k];
         tried[k] = 1;
         const double start[3] = {h[k], 0, 0};
-        if (attempt(&best, &any, m, &j, start, 1, 1)) return -1;
+        if (attempt(&b, &j, start, 1, 1)) return -1;
     }
-    if (any) { /* oblique only where that clearly helps: a short edge says little about slopes */
+    if (b.any) { /* oblique only where that clearly helps: a short edge says little about slopes */
         double start[3];
-        memcpy(start, best.m[ALL][m->n].plane, sizeof start);
-        if (attempt(&best, &any, m, &j, start, 3, OBLIQUE)) return -1;
+        memcpy(start, b.m.m[ALL][m->n].plane, sizeof start);
+        if (attempt(&b, &j, start, 3, OBLIQUE)) return -1;
+        if (attempt_body(&b, &j, card_fit) || attempt_body(&b, &j, ball_fit)) return -1;
     }
-    if (!any) return 1;
+    outline_free(&b.o);
+    if (!b.any) return 1;
     model_free(m);
-    *m = best;
+    *m = b.m;
     return 0;
 }
