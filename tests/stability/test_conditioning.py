@@ -142,7 +142,7 @@ def test_falloff_readings(tmp_path, what, angles, tolerance, row):
     assert error <= (tolerance or .06) and (table[:, 1:4] < 1.5).all()
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 4, 7])
 @pytest.mark.case("falloff of a flat lens from noisy readings", FIT, "9 readings, 2 % each", "never rises by chance, within 6 % (3 sigma)")
 def test_flat_and_noisy(tmp_path, seed, row):
     rng = np.random.default_rng(seed)

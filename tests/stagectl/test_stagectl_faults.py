@@ -307,6 +307,8 @@ def test_damage_in_the_middle_is_refused(tmp_path):
         assert "is damaged" in r.err and "line " in r.err
         (folder / "journal").write_bytes(b"something else\nmore\n")
         assert "expected 'stagectl-journal 1'" in capture(path, stage, code=1).err
+        (folder / "journal").write_bytes(b"")
+        assert "found an empty file" in capture(path, stage, code=1).err
 
 
 @pytest.mark.parametrize("section, key, value", [("grid", "nodes", "3x3"), ("grid", "plane", "0 0 0 0.3 0 0 0 0.1 0"), ("grid", "order", "raster"),
