@@ -94,8 +94,7 @@ static double middle_height(const outline *o)
 {
     double h = o->plane[0];
 
-    for (int k = 0; k < o->n; k++)
-        h += (o->plane[1] * o->at[k][0] + o->plane[2] * o->at[k][1]) / o->n;
+    for (int k = 0; k < o->n; k++) h += (o->plane[1] * o->at[k][0] + o->plane[2] * o->at[k][1]) / o->n;
     return h;
 }
 
