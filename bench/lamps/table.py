@@ -4,12 +4,15 @@
     --grid 8x8  --texels 256x128                  probes and their texels
     --walls                                       give ilflamps the walls (--geometry); else it estimates a box
     --any FIRST:N, --odd FIRST:N                  N rooms by chance, from seed FIRST on (instead of ROOM...); odd: with what is rare, too
+    --kinds FIRST:N                               N rooms of each kind (kinds.py), from seed FIRST on
 
-Captures are kept beside OUT.csv and used again.  Prints a line a room, worst cases and the distribution of gains.  A room is *worse*
-where up or side at any height is more than .2 points above version 1.  Needs ilflamps and oconv on PATH.
+Captures are kept beside OUT.csv and used again.  Prints a line a room, worst cases and the distribution of gains (summary.py
+makes tables of OUT.csv).  A room is *worse* where up or side at any height is more than .2 points above version 1.  Needs ilflamps
+and oconv on PATH.
 """
 import argparse, csv, os, subprocess, sys
 import numpy as np
+import kinds
 import rooms
 
 MARGIN = .2                                                # points; the issue's law: never worse than version 1 by more
@@ -18,11 +21,12 @@ MARGIN = .2                                                # points; the issue's
 def arguments():
     p = argparse.ArgumentParser(usage=__doc__)
     p.add_argument("out"), p.add_argument("room", nargs="*")
-    p.add_argument("--grid", default="8x8"), p.add_argument("--texels", default="256x128"), p.add_argument("--any"), p.add_argument("--odd")
+    p.add_argument("--grid", default="8x8"), p.add_argument("--texels", default="256x128"), p.add_argument("--any"), p.add_argument("--odd"), p.add_argument("--kinds")
     p.add_argument("--walls", action="store_true")
     a = p.parse_args()
     for kind in ("any", "odd"):
         if getattr(a, kind): first, n = map(int, getattr(a, kind).split(":")); a.room = [f"{kind}:{first + k}" for k in range(n)]
+    if a.kinds: first, n = map(int, a.kinds.split(":")); a.room = [f"{kind}:{first + k}" for k in range(n) for kind in kinds.KINDS]
     return a
 
 

@@ -199,6 +199,41 @@ def test_dark_twigs_before_dark_walls(folder):
         assert two[z]["up"] < one[z]["up"] / 2.5, (one, two)
 
 
+BEFORE = rooms.between(YELLOW[0], (.1, -.05), 1.1)
+BODIES = {"ball": rooms.ball(BEFORE, .16, (.3, .2, .2)),
+          "card": rooms.tilted(YELLOW[0], (.3, -.2), 1.1, .3, .25, 20, 60, 30, (.35, .35, .3), amp=.5, cell=.11)}
+
+
+@pytest.mark.parametrize("what", ["ball", pytest.param("card", marks=pytest.mark.sweep)])
+def test_a_body_in_space_hides_a_lamp(folder, what):
+    "A ball's outline is another one from every probe; a textured and tilted card's outline was jagged, and lay level."
+    room = rooms.Room([rooms.lamp(*YELLOW), BODIES[what]], amp=.25)
+    rooms.make(room, 7, 7, 160, 80, str(folder / "body.ilf.exr"))
+    one, two, report = rooms.run(room, str(folder / "body.ilf.exr"), [], rooms.Score(room, patches=3, most=3000, rest=2000), run)
+    lamp, = report["lamps"]
+    mask = lamp["masks"][0]
+    assert mask["kind"] in {"card": ["sheet"], "ball": ["ball", "stack"]}[what]      # twenty slices of a ball are as good where probes are few
+    if what == "card":
+        n = np.cross(BODIES[what]["u"], BODIES[what]["v"])
+        assert lamp["height"] == pytest.approx(1.1, abs=.06) and mask["plane"][1:] == pytest.approx(list(-n[:2] / n[2]), abs=.06)
+    for z in one:
+        assert two[z]["up"] < one[z]["up"] / 3, (one, two)
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize("focus, gain", [(-.55, 6), (.5, 6)])
+def test_a_profile_spotlight_out_of_focus(folder, focus, gain):
+    "What several gates fit as well is asked of all of them: a soft edge is told by every part of the lens, and was thought unknown."
+    lens = rooms.panel((.3, .7, 2.6), (.17, 0, 0), (0, .17, 0), (9000, 9000, 9000), gate=1, focus=focus, gx=.05, gy=.05, gr=.4, soft=.1)
+    room = rooms.Room([lens])
+    rooms.make(room, 8, 8, 160, 80, str(folder / "gate.ilf.exr"))
+    one, two, report = rooms.run(room, str(folder / "gate.ilf.exr"), [], rooms.Score(room, patches=4, most=3000, rest=2000), run)
+    lamp = report["lamps"][0]
+    assert lamp["fate"] == "taken out" and lamp["masks"][0]["beta"] == pytest.approx(focus / (2.6 - focus), abs=.03)
+    for z in one:
+        assert two[z]["up"] < one[z]["up"] / gain, (one, two)
+
+
 @pytest.mark.parametrize("args, words", [
     (("--lamps", "some"), "--lamps: expected keep, auto or a number"),
     (("--max-width", "0"), "--max-width: expected more than 0"),

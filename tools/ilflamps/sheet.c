@@ -89,6 +89,15 @@ static int sheet_once(ilf_mask *mask, outline *keep, const job *j, int fold, con
     return bad;
 }
 
+/* Height of the sheet where its outline's middle is. */
+static double middle_height(const outline *o)
+{
+    double h = o->plane[0];
+
+    for (int k = 0; k < o->n; k++) h += (o->plane[1] * o->at[k][0] + o->plane[2] * o->at[k][1]) / o->n;
+    return h;
+}
+
 /* All five versions of the sheet from a start; *o: the outline of all probes. */
 static int sheet_from(model *m, outline *o, const job *j, const double start[3], int moves)
 {
@@ -102,7 +111,7 @@ static int sheet_from(model *m, outline *o, const job *j, const double start[3],
         bad = sheet_once(&m->m[fold][m->n], NULL, j, fold, &g, &b, moves);
     backview_free(&b);
     if (bad) return bad;
-    m->height = o->plane[0] + (o->plane[1] * j->f->len_u + o->plane[2] * j->f->len_v) / 2;
+    m->height = middle_height(o);
     m->n++;
     m->saw = o->sure > .5;
     model_judge(m, j->l, j->f);
