@@ -29,6 +29,7 @@ typedef struct job {
     ilf_frame frame;
     int n_u, n_v;
     shotfacts facts;
+    refined poses;
     analysis a;
     reach *nodes;
 } job;
@@ -74,6 +75,7 @@ static void job_free(job *j)
 {
     for (int k = 0; j->pictures && k < j->n; k++) free(j->pictures[k]);
     free(j->pictures), free(j->nodes);
+    refined_free(&j->poses);
     places_free(&j->at);
     if (j->a.lamps) analysis_free(&j->a);
 }
@@ -193,6 +195,19 @@ static void say_pictures(const job *j)
                  j->facts.holes_of, 100 * j->facts.holes);
 }
 
+static void say_poses(const job *j)
+{
+    const refined *r = &j->poses;
+    const double deg = 180 / 3.14159265358979323846;
+
+    if (!r->tried) return;
+    cli_note(
+        "poses %s: corrections of %.3g in place, %.3g degrees, %.3g %% in gain (rms); pictures disagree by "
+        "%.3g %%, %s %.3g %%",
+        r->applied ? "were refined" : "are as given", r->shift, r->turn * deg, 100 * r->gain,
+        100 * r->found.before, r->applied ? "now" : "and would by", 100 * r->found.after);
+}
+
 static void say_lamps(const job *j)
 {
     int taken = 0;
@@ -238,6 +253,12 @@ int freepack(const freeplan *p, char *const *pictures, int n, errmsg *e)
 
     if (!bad) {
         say_plan(&j), say_pictures(&j);
+        bad = refine(&j.poses, &f, p->octree, p->refine, e);
+        if (bad) lf_free(&f);
+        for (int k = 0; k < j.n && !bad && j.poses.applied; k++) shots_place(&j.at.p[k], &f, k);
+    }
+    if (!bad) {
+        say_poses(&j);
         bad = find_lamps(&j, &f, e);
     }
     if (!bad) {
@@ -245,7 +266,8 @@ int freepack(const freeplan *p, char *const *pictures, int n, errmsg *e)
         bad = j.nodes ? regrid_reach(j.nodes, &j.a, j.n_u, j.n_v, e) : err_set(e, "no memory for a grid");
     }
     if (!bad) {
-        const freefacts facts = {p->positions, j.pictures, j.at.p, j.n, j.n_u, j.n_v, j.plane, j.nodes};
+        const freefacts facts = {p->positions, j.pictures, j.at.p,  &j.poses, j.n,
+                                 j.n_u,        j.n_v,      j.plane, j.nodes};
         if (p->report) bad = freereport_write(p->report, &facts, &j.a, e);
     }
     if (!bad) bad = to_grid(&j, e) || write_out(&j, e);

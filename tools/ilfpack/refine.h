@@ -1,0 +1,23 @@
+/*
+ * refine.h - are the given poses true?  They are compared with what the pictures agree on (poses.h), and
+ * corrected where that clearly helps or is asked for.
+ */
+#ifndef REFINE_H
+#define REFINE_H
+
+#include "poses.h"
+
+typedef enum refining { REFINE_AUTO, REFINE_ALWAYS, REFINE_NEVER } refining;
+
+typedef struct refined {
+    int tried, applied;
+    poses found; /* corrections that were made, or would have been */
+    double shift, turn,
+        gain; /* their rms: scene's unit (three numbers of a place together), radians, relative */
+} refined;
+
+/* Refine the poses (and with them the gains) of a field of free pictures. */
+int refine(refined *r, lightfield *f, const char *octree, refining how, errmsg *e);
+void refined_free(refined *r);
+
+#endif
