@@ -200,6 +200,11 @@ static void say_poses(const job *j)
     const refined *r = &j->poses;
     const double deg = 180 / 3.14159265358979323846;
 
+    for (int k = 0; k < r->wrong.n; k++)
+        cli_warn("%s: %s%s (its picture disagrees with the others by %.2g %%, so by %.2g %%)",
+                 j->p->positions, r->wrong.s[k].words,
+                 j->p->refine == REFINE_NEVER ? "? Kept as given" : ": taken so", 100 * r->wrong.s[k].before,
+                 100 * r->wrong.s[k].after);
     if (!r->tried) return;
     cli_note(
         "poses %s: corrections of %.3g in place, %.3g degrees, %.3g %% in gain (rms); pictures disagree by "
@@ -253,9 +258,8 @@ int freepack(const freeplan *p, char *const *pictures, int n, errmsg *e)
 
     if (!bad) {
         say_plan(&j), say_pictures(&j);
-        bad = refine(&j.poses, &f, p->octree, p->refine, e);
+        bad = refine(&j.poses, &f, j.at.p, j.pictures, p->octree, p->refine, e);
         if (bad) lf_free(&f);
-        for (int k = 0; k < j.n && !bad && j.poses.applied; k++) shots_place(&j.at.p[k], &f, k);
     }
     if (!bad) {
         say_poses(&j);

@@ -58,7 +58,12 @@ static void refining_of(FILE *o, const refined *r)
                 "\"sightings\": %d, \"wall_points\": %d, \"crease_points\": %d",
                 r->found.before, r->found.after, r->found.lamps, r->found.sightings, r->found.points,
                 r->found.edges);
-    fprintf(o, ",\n");
+    fprintf(o, ",\n  \"wrong_lines\": [");
+    for (int k = 0; k < r->wrong.n; k++) {
+        fprintf(o, k ? ", " : "");
+        report_text(o, r->wrong.s[k].words);
+    }
+    fprintf(o, "],\n");
 }
 
 static void grid(FILE *o, const freefacts *f)

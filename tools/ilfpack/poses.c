@@ -6,7 +6,8 @@
  * the landmark move it by
  *     de = -w x e + (m - s)/|x - p|          (across e)
  * within the picture.  Gauss-Newton, from coarse pictures to fine ones; what contradicts the rest weighs less
- * each round (Cauchy's weights, scales from medians).
+ * each round (Geman and McClure's weights, scales from
+ * medians).
  */
 #include "poses.h"
 
@@ -19,13 +20,15 @@
 #include "ilflamps/vec.h"
 
 enum { STEPS = 15, OUTER = 4, ROUNDS = 5, LAST_ROUNDS = 12 };
-#define DOUBTFUL   2.5   /* scales: from there on a measurement weighs less than half */
-#define FINEST_LOG .0015 /* least scale of log luminance */
-#define FINEST_TX  .03   /* least scale of an angle, texels */
-#define REACH      3     /* texels on both sides of a crease that are looked at */
-#define CONTRAST   .05   /* of a step that is one */
-#define UNEQUAL    .3    /* log luminance: more is another thing */
-#define LOOSE      .3    /* the box may move by so many of its heights, lamps by so many distances */
+#define DOUBTFUL   2.5  /* scales: from there on a measurement weighs less than half */
+#define FINEST_LOG 2e-4 /* least scale of log luminance */
+#define FINEST_TX  .02  /* least scale of an angle, texels */
+#define REACH      3    /* texels on both sides of a crease that are looked at */
+#define CONTRAST   .05  /* of a step that is one */
+#define STEEP      4    /* times the others' gradient: another thing's edge */
+#define FLAT       .2   /* log luminance a radian that is always believed */
+#define UNEQUAL    .3   /* log luminance: more is another thing */
+#define LOOSE      .3   /* the box may move by so many of its heights, lamps by so many distances */
 
 /* ---- the normal equations -------------------------------------------------------------------------- */
 
@@ -38,6 +41,7 @@ typedef struct solver {
     const poseplan *plan;
     int n, level;         /* unknowns */
     double *N, *y, *mean; /* n*n, n, n */
+    double *ways;         /* TOGETHER*n */
     double scale[3];      /* of points, creases, lamps */
 } solver;
 
@@ -47,6 +51,7 @@ enum { POINT, CREASE, LAMP };
 typedef struct equation {
     int n, at[POSE + BOX + 3];
     double J[POSE + BOX + 3], r;
+    double steep; /* of points: size of the gradient */
 } equation;
 
 static void term(equation *q, int at, double J)
@@ -89,9 +94,9 @@ static void add(solver *s, const equation *q, double w)
 
 static double weight(const solver *s, int kind, double r)
 {
-    const double c = s->scale[kind];
+    const double c = s->scale[kind], q = 1 + r * r / (DOUBTFUL * DOUBTFUL * c * c);
 
-    return 1 / (c * c * (1 + r * r / (DOUBTFUL * DOUBTFUL * c * c)));
+    return 1 / (c * c * q * q);
 }
 
 /* ---- points ----------------------------------------------------------------------------------------- */
@@ -121,6 +126,7 @@ static int point_of(equation *q, const solver *s, int k, const landmark *m)
         if (!isfinite(side[i])) return 0;
     }
     for (int c = 0; c < 3; c++) g[c] = ((side[0] - side[1]) * x[c] + (side[2] - side[3]) * y[c]) / (2 * eps);
+    q->steep = v_len(g);
     lean_on(q, s, k, e, dist, g, 1, m);
     q->r -= s->out->p[k].change[6];
     term(q, POSE * k + 6, -1);
@@ -149,8 +155,12 @@ static int equations_of(equation *q, double *tmp, const solver *s, const landmar
         if (point_of(&q[n], s, k, m)) tmp[n] = q[n].r, n++;
     if (n < 3) return 0;
     const double mid = median(tmp, n);
-    for (int i = 0; i < n; i++) q[i].r -= mid;
-    return n;
+    for (int i = 0; i < n; i++) q[i].r -= mid, tmp[i] = q[i].steep;
+    const double steep = STEEP * median(tmp, n) + FLAT;
+    int kept = 0;
+    for (int i = 0; i < n; i++)
+        if (q[i].steep < steep && fabs(q[i].r) < UNEQUAL) q[kept++] = q[i];
+    return kept;
 }
 
 /* A point's own luminance is unknown, too: what is left once it is eliminated. */
@@ -160,7 +170,6 @@ static void add_point(solver *s, const equation *q, int n)
 
     memset(s->mean, 0, (size_t)s->n * sizeof *s->mean);
     for (int i = 0; i < n; i++) {
-        if (fabs(q[i].r) > UNEQUAL) continue;
         const double w = weight(s, POINT, q[i].r);
         add(s, &q[i], w);
         all += w, sum += w * q[i].r;
@@ -333,6 +342,107 @@ static void add_priors(solver *s)
         for (int c = 0; c < 3; c++) add_prior(s, lamp_at(s, i) + c, 0, LOOSE * v_len(s->b.at[i]));
 }
 
+/* ---- what points can't say -------------------------------------------------------------------------- */
+
+/* All pictures may be moved and turned together without any disagreement of walls' points to speak of: what is
+ * seen is another part of the same wall.  (Where the box moves along, exactly; then they may be scaled,
+ * too.)  Small faults of the derivatives would say something nevertheless, of which there are so many
+ * that creases and given poses would not be heard; so the points' equations are made blind for it. */
+enum { TOGETHER = 7 };
+
+/* Unit of an unknown. */
+static double unit_of(const solver *s, int at)
+{
+    const double unit[3] = {s->plan->place, s->plan->turn, s->plan->gain};
+
+    if (at < box_at(s)) return unit[at % POSE / 3];
+    return at == box_at(s) + 5 && s->l->movable ? s->plan->turn : s->plan->place;
+}
+
+static void turn_all(double *g, const solver *s, int axis)
+{
+    const double w[3] = {axis == 0, axis == 1, axis == 2};
+
+    for (int k = 0; k < s->f->n; k++) {
+        double off[3];
+        v_sub(off, s->f->pos[k], s->l->middle);
+        v_cross(g + POSE * k, w, off);
+        g[POSE * k + 3 + axis] = 1;
+    }
+    if (s->l->movable && axis == 2) g[box_at(s) + 5] = 1;
+}
+
+static void move_all(double *g, const solver *s, int axis)
+{
+    for (int k = 0; k < s->f->n; k++) g[POSE * k + axis] = 1;
+    for (int c = 0; c < s->l->movable; c++) g[box_at(s) + c] = axis == (c < 5 ? c / 2 : -1);
+}
+
+static void scale_all(double *g, const solver *s)
+{
+    const double *box = s->l->box;
+
+    for (int k = 0; k < s->f->n; k++) v_sub(g + POSE * k, s->f->pos[k], s->l->middle);
+    for (int c = 0; c < 5; c++) g[box_at(s) + c] = box[c] - s->l->middle[c / 2];
+}
+
+/* Way number k that all may go together, in units of the unknowns, at right angles to those before; 0: none. */
+static int together(double *g, const solver *s, int k, const double *before)
+{
+    double len = 0;
+
+    memset(g, 0, (size_t)s->n * sizeof *g);
+    if (k < 3) move_all(g, s, k);
+    else if (k < 6) turn_all(g, s, k - 3);
+    else if (s->l->movable) scale_all(g, s);
+    else return 0;
+    for (int i = 0; i < s->n; i++) g[i] /= unit_of(s, i);
+    for (int b = 0; b < k; b++) {
+        double dot = 0;
+        for (int i = 0; i < s->n; i++) dot += g[i] * before[b * s->n + i];
+        for (int i = 0; i < s->n; i++) g[i] -= dot * before[b * s->n + i];
+    }
+    for (int i = 0; i < s->n; i++) len += g[i] * g[i];
+    for (int i = 0; i < s->n; i++) g[i] /= sqrt(len);
+    return len > 0;
+}
+
+/* N and y (in units of the unknowns) without what lies along g. */
+static void make_blind(solver *s, const double *g)
+{
+    const int n = s->n;
+    double gy = 0, gNg = 0, *Ng = s->mean;
+
+    for (int i = 0; i < n; i++) {
+        Ng[i] = 0, gy += g[i] * s->y[i];
+        for (int j = 0; j < n; j++) Ng[i] += s->N[(size_t)i * (size_t)n + (size_t)j] * g[j];
+    }
+    for (int i = 0; i < n; i++) gNg += g[i] * Ng[i];
+    for (int i = 0; i < n; i++) {
+        s->y[i] -= gy * g[i];
+        for (int j = 0; j < n; j++)
+            s->N[(size_t)i * (size_t)n + (size_t)j] -= g[i] * Ng[j] + Ng[i] * g[j] - gNg * g[i] * g[j];
+    }
+}
+
+static void rescale(solver *s, int back)
+{
+    for (int i = 0; i < s->n; i++) {
+        const double u = back ? 1 / unit_of(s, i) : unit_of(s, i);
+        s->y[i] *= u;
+        for (int j = 0; j < s->n; j++)
+            s->N[(size_t)i * (size_t)s->n + (size_t)j] *= u * (back ? 1 / unit_of(s, j) : unit_of(s, j));
+    }
+}
+
+static void blind_for_all(solver *s)
+{
+    rescale(s, 0);
+    for (int k = 0; k < TOGETHER && together(s->ways + k * s->n, s, k, s->ways); k++)
+        make_blind(s, s->ways + k * s->n);
+    rescale(s, 1);
+}
+
 static void assemble(solver *s, const list *l)
 {
     const equation *q = l->q;
@@ -340,6 +450,7 @@ static void assemble(solver *s, const list *l)
     memset(s->N, 0, (size_t)s->n * (size_t)s->n * sizeof *s->N);
     memset(s->y, 0, (size_t)s->n * sizeof *s->y);
     for (int i = 0; i < s->l->n - s->l->creases; q += l->group[i], i++) add_point(s, q, l->group[i]);
+    blind_for_all(s);
     for (int i = 0; i < l->creases; i++, q++) add(s, q, weight(s, CREASE, q->r));
     for (int i = 0; i < l->lamps; i++, q++) add(s, q, weight(s, LAMP, q->r));
     add_priors(s);
@@ -425,7 +536,8 @@ static int solver_make(solver *s, errmsg *e)
     s->n = POSE * s->f->n + s->l->movable + 3 * s->b.lamps;
     s->N = malloc((size_t)s->n * (size_t)s->n * sizeof *s->N);
     s->y = malloc((size_t)s->n * sizeof *s->y), s->mean = malloc((size_t)s->n * sizeof *s->mean);
-    return s->out->p && s->N && s->y && s->mean ? 0 : err_set(e, "no memory for poses");
+    s->ways = malloc(TOGETHER * (size_t)s->n * sizeof *s->ways);
+    return s->out->p && s->N && s->y && s->mean && s->ways ? 0 : err_set(e, "no memory for poses");
 }
 
 int poses_solve(poses *out, lightfield *f, const views *v, landmarks *l, const poseplan *plan, errmsg *e)
@@ -447,7 +559,7 @@ int poses_solve(poses *out, lightfield *f, const views *v, landmarks *l, const p
         set_sigmas(&s);
         bad = disagreement(&out->after, &s, e);
     }
-    free(s.N), free(s.y), free(s.mean);
+    free(s.N), free(s.y), free(s.mean), free(s.ways);
     beacons_free(&s.b);
     return bad ? -1 : 0;
 }

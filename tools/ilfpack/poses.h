@@ -23,7 +23,6 @@ typedef struct poseplan {
 typedef struct pose {
     double change[POSE]; /* in all, since the poses were given; gain: log of how much too bright it is */
     double sigma[POSE];  /* standard errors */
-    double mismatch;     /* rms of log luminance against the other pictures' median, large ones bounded */
 } pose;
 
 typedef struct poses {
@@ -32,14 +31,6 @@ typedef struct poses {
     int lamps, sightings; /* beacons */
     int points, edges;    /* of walls, and sightings of creases, that took part */
 } poses;
-
-/* Mismatch of picture k as it stands (field's pos and turn), with the other pictures' median. ref: l->n logs
- * of luminance, by poses_median. */
-double poses_mismatch(const views *v, const landmarks *l, const double *ref, int k);
-
-/* Medians over pictures of the points' log luminance, each picture's own mean taken off; NAN where fewer than
- * three know. */
-int poses_median(double *ref, const views *v, const landmarks *l, errmsg *e);
 
 /* Solve.  f: v->f, whose places and turns are set to the result (not its texels: poses_expose does that). */
 int poses_solve(poses *out, lightfield *f, const views *v, landmarks *l, const poseplan *plan, errmsg *e);

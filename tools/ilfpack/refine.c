@@ -8,15 +8,15 @@
 #include <string.h>
 
 #include "ilflamps/blobs.h"
-#include "ilflamps/vec.h"
+#include "shots.h"
 
 enum { FEWEST = 4, MOST = 200 };
-#define BRIGHT 15. /* times the typical luminance: no wall */
-#define PLACES .02 /* what is given is about so sure: sizes of the plane, */
-#define TURNS  .02 /* radians, */
-#define GAINS  .05 /* relative */
-#define HELPS  .85 /* part of the pictures' disagreement that must be left at most */
-#define SURELY 4.  /* standard errors that a correction must have, rms */
+#define BRIGHT 15.  /* times the typical luminance: no wall */
+#define PLACES .006 /* what is given is about so sure: sizes of the plane, */
+#define TURNS  .01  /* radians, */
+#define GAINS  .05  /* relative */
+#define HELPS  .85  /* part of the pictures' disagreement that must be left at most */
+#define SURELY 4.   /* standard errors that a correction must have, rms */
 
 static double typical(const lightfield *f)
 {
@@ -51,42 +51,72 @@ static double summarise(refined *r, int n)
     return sqrt(sure);
 }
 
-static int solve(refined *r, lightfield *f, const char *octree, errmsg *e)
-{
-    const poseplan plan = {PLACES * f->size, TURNS, GAINS};
-    landmarks l = {0};
-    views v = {0};
-    int bad = views_make(&v, f, BRIGHT * typical(f), e) || find_landmarks(&l, octree, f, e);
+/* What poses are compared by. */
+typedef struct evidence {
+    landmarks l;
+    views v;
+} evidence;
 
-    if (!bad) bad = poses_solve(&r->found, f, &v, &l, &plan, e);
-    landmarks_free(&l), views_free(&v);
-    return bad;
+static int evidence_make(evidence *x, const lightfield *f, const char *octree, errmsg *e)
+{
+    memset(x, 0, sizeof *x);
+    return views_make(&x->v, f, BRIGHT * typical(f), e) || find_landmarks(&x->l, octree, f, e) ? -1 : 0;
 }
 
-int refine(refined *r, lightfield *f, const char *octree, refining how, errmsg *e)
+static void evidence_free(evidence *x)
 {
-    memset(r, 0, sizeof *r);
-    if (how == REFINE_NEVER || f->n < FEWEST || f->n > MOST) return 0;
-    const size_t places = (size_t)f->n * sizeof *f->pos, turns = (size_t)f->n * sizeof *f->turn;
-    double(*pos)[3] = malloc(places), (*turn)[9] = malloc(turns);
+    landmarks_free(&x->l), views_free(&x->v);
+}
+
+/* Put right what can't be true; the box is estimated anew then. */
+static int put_right(refined *r, evidence *x, lightfield *f, place *at, char *const *pictures,
+                     const char *octree, refining how, errmsg *e)
+{
+    if (suspects_find(&r->wrong, f, at, pictures, &x->v, &x->l, how == REFINE_NEVER, e)) return -1;
+    if (!r->wrong.n || octree || how == REFINE_NEVER) return 0;
+    landmarks_free(&x->l);
+    return find_landmarks(&x->l, octree, f, e);
+}
+
+static int solve(refined *r, evidence *x, lightfield *f, refining how, errmsg *e)
+{
+    const poseplan plan = {PLACES * f->size, TURNS, GAINS};
+    const size_t where = (size_t)f->n * sizeof *f->pos, turns = (size_t)f->n * sizeof *f->turn;
+    double(*pos)[3] = malloc(where), (*turn)[9] = malloc(turns);
     int bad = pos && turn ? 0 : err_set(e, "no memory for poses");
+
     if (!bad) {
-        memcpy(pos, f->pos, places), memcpy(turn, f->turn, turns);
-        bad = solve(r, f, octree, e);
+        memcpy(pos, f->pos, where), memcpy(turn, f->turn, turns);
+        bad = poses_solve(&r->found, f, &x->v, &x->l, &plan, e);
     }
     if (!bad) {
         const double sure = summarise(r, f->n);
         r->tried = 1;
         r->applied = how == REFINE_ALWAYS || (r->found.after < HELPS * r->found.before && sure > SURELY);
         if (r->applied) poses_expose(f, &r->found);
-        else memcpy(f->pos, pos, places), memcpy(f->turn, turn, turns);
+        else memcpy(f->pos, pos, where), memcpy(f->turn, turn, turns);
     }
     free(pos), free(turn);
-    if (bad) refined_free(r);
     return bad;
+}
+
+int refine(refined *r, lightfield *f, place *at, char *const *pictures, const char *octree, refining how,
+           errmsg *e)
+{
+    evidence x;
+    int bad;
+
+    memset(r, 0, sizeof *r);
+    if (f->n < FEWEST) return 0;
+    bad = evidence_make(&x, f, octree, e) || put_right(r, &x, f, at, pictures, octree, how, e);
+    if (!bad && how != REFINE_NEVER && f->n <= MOST) bad = solve(r, &x, f, how, e);
+    for (int k = 0; k < f->n && !bad && r->applied; k++) shots_place(&at[k], f, k);
+    evidence_free(&x);
+    if (bad) refined_free(r);
+    return bad ? -1 : 0;
 }
 
 void refined_free(refined *r)
 {
-    poses_free(&r->found);
+    poses_free(&r->found), suspects_free(&r->wrong);
 }
