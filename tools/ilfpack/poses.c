@@ -19,7 +19,8 @@
 #include "beacons.h"
 #include "ilflamps/vec.h"
 
-enum { STEPS = 15, OUTER = 4, ROUNDS = 5, LAST_ROUNDS = 12 };
+enum { STEPS = 15, OUTER = 4, ROUNDS = 15, LAST_ROUNDS = 40 };
+#define SETTLED    2e-6 /* radians, or sizes of the plane: the last step */
 #define DOUBTFUL   2.5  /* scales: from there on a measurement weighs less than half */
 #define FINEST_LOG 2e-4 /* least scale of log luminance */
 #define FINEST_TX  .02  /* least scale of an angle, texels */
@@ -42,10 +43,11 @@ typedef struct solver {
     int n, level;         /* unknowns */
     double *N, *y, *mean; /* n*n, n, n */
     double *ways;         /* TOGETHER*n */
-    double scale[3];      /* of points, creases, lamps */
+    double scale[2];      /* of creases, lamps */
+    double *own;          /* of each picture's points */
 } solver;
 
-enum { POINT, CREASE, LAMP };
+enum { CREASE, LAMP };
 
 /* One measurement: r + J d should be 0. */
 typedef struct equation {
@@ -92,9 +94,9 @@ static void add(solver *s, const equation *q, double w)
     }
 }
 
-static double weight(const solver *s, int kind, double r)
+static double weight(double c, double r)
 {
-    const double c = s->scale[kind], q = 1 + r * r / (DOUBTFUL * DOUBTFUL * c * c);
+    const double q = 1 + r * r / (DOUBTFUL * DOUBTFUL * c * c);
 
     return 1 / (c * c * q * q);
 }
@@ -170,7 +172,7 @@ static void add_point(solver *s, const equation *q, int n)
 
     memset(s->mean, 0, (size_t)s->n * sizeof *s->mean);
     for (int i = 0; i < n; i++) {
-        const double w = weight(s, POINT, q[i].r);
+        const double w = weight(s->own[q[i].at[0] / POSE], q[i].r);
         add(s, &q[i], w);
         all += w, sum += w * q[i].r;
         for (int c = 0; c < q[i].n; c++) s->mean[q[i].at[c]] += w * q[i].J[c];
@@ -304,24 +306,27 @@ static void list_free(list *l)
     free(l->q), free(l->group);
 }
 
-/* Median size of residuals, as a normal distribution's standard error. */
-static double scale_of(const equation *q, int n, double least)
+/* Median size of residuals, as a normal distribution's standard error; of one picture's, or all (-1). */
+static double scale_of(const equation *q, int n, int picture, double least)
 {
     double *v = malloc((size_t)(n + 1) * sizeof *v), m = least;
+    int have = 0;
 
-    for (int i = 0; v && i < n; i++) v[i] = fabs(q[i].r);
-    if (v && n > 0) m = fmax(least, 1.4826 * median(v, n));
+    for (int i = 0; v && i < n; i++)
+        if (picture < 0 || q[i].at[0] / POSE == picture) v[have++] = fabs(q[i].r);
+    if (v && have > 0) m = fmax(least, 1.4826 * median(v, have));
     free(v);
     return m;
 }
 
+/* Points' for each picture: all of a picture that stands wrong disagrees, and must still be heard. */
 static void set_scales(solver *s, const list *l)
 {
     const double tx = s->v->v[s->level].dp;
 
-    s->scale[POINT] = scale_of(l->q, l->points, FINEST_LOG);
-    s->scale[CREASE] = scale_of(l->q + l->points, l->creases, FINEST_TX * tx);
-    s->scale[LAMP] = scale_of(l->q + l->points + l->creases, l->lamps, FINEST_TX * s->f->dp);
+    for (int k = 0; k < s->f->n; k++) s->own[k] = scale_of(l->q, l->points, k, FINEST_LOG);
+    s->scale[CREASE] = scale_of(l->q + l->points, l->creases, -1, FINEST_TX * tx);
+    s->scale[LAMP] = scale_of(l->q + l->points + l->creases, l->lamps, -1, FINEST_TX * s->f->dp);
 }
 
 static void add_prior(solver *s, int at, double value, double sigma)
@@ -451,8 +456,8 @@ static void assemble(solver *s, const list *l)
     memset(s->y, 0, (size_t)s->n * sizeof *s->y);
     for (int i = 0; i < s->l->n - s->l->creases; q += l->group[i], i++) add_point(s, q, l->group[i]);
     blind_for_all(s);
-    for (int i = 0; i < l->creases; i++, q++) add(s, q, weight(s, CREASE, q->r));
-    for (int i = 0; i < l->lamps; i++, q++) add(s, q, weight(s, LAMP, q->r));
+    for (int i = 0; i < l->creases; i++, q++) add(s, q, weight(s->scale[CREASE], q->r));
+    for (int i = 0; i < l->lamps; i++, q++) add(s, q, weight(s->scale[LAMP], q->r));
     add_priors(s);
 }
 
@@ -505,7 +510,7 @@ static int one_round(solver *s, errmsg *e)
     if (LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', s->n, s->N, s->n) ||
         LAPACKE_dpotrs(LAPACK_ROW_MAJOR, 'L', s->n, 1, s->N, s->n, s->y, 1))
         return err_set(e, "poses: no solution");
-    return take(s, s->y) < 1e-7;
+    return take(s, s->y) < SETTLED;
 }
 
 static void set_sigmas(solver *s)
@@ -523,7 +528,7 @@ static int disagreement(double *value, solver *s, errmsg *e)
 
     s->level = 0;
     const int bad = gather(&l, s);
-    if (!bad) *value = scale_of(l.q, l.points, 0);
+    if (!bad) *value = scale_of(l.q, l.points, -1, 0);
     list_free(&l);
     return bad ? err_set(e, "no memory for poses") : 0;
 }
@@ -537,7 +542,8 @@ static int solver_make(solver *s, errmsg *e)
     s->N = malloc((size_t)s->n * (size_t)s->n * sizeof *s->N);
     s->y = malloc((size_t)s->n * sizeof *s->y), s->mean = malloc((size_t)s->n * sizeof *s->mean);
     s->ways = malloc(TOGETHER * (size_t)s->n * sizeof *s->ways);
-    return s->out->p && s->N && s->y && s->mean && s->ways ? 0 : err_set(e, "no memory for poses");
+    s->own = malloc((size_t)s->f->n * sizeof *s->own);
+    return s->out->p && s->N && s->y && s->mean && s->ways && s->own ? 0 : err_set(e, "no memory for poses");
 }
 
 int poses_solve(poses *out, lightfield *f, const views *v, landmarks *l, const poseplan *plan, errmsg *e)
@@ -559,7 +565,7 @@ int poses_solve(poses *out, lightfield *f, const views *v, landmarks *l, const p
         set_sigmas(&s);
         bad = disagreement(&out->after, &s, e);
     }
-    free(s.N), free(s.y), free(s.mean), free(s.ways);
+    free(s.N), free(s.y), free(s.mean), free(s.ways), free(s.own);
     beacons_free(&s.b);
     return bad ? -1 : 0;
 }
