@@ -20,16 +20,18 @@
 #include "ilflamps/vec.h"
 
 enum { STEPS = 15, OUTER = 4, ROUNDS = 15, LAST_ROUNDS = 40 };
-#define SETTLED    2e-6 /* radians, or sizes of the plane: the last step */
-#define DOUBTFUL   2.5  /* scales: from there on a measurement weighs less than half */
-#define FINEST_LOG 2e-4 /* least scale of log luminance */
-#define FINEST_TX  .02  /* least scale of an angle, texels */
-#define REACH      3    /* texels on both sides of a crease that are looked at */
-#define CONTRAST   .05  /* of a step that is one */
-#define STEEP      4    /* times the others' gradient: another thing's edge */
-#define FLAT       .2   /* log luminance a radian that is always believed */
-#define UNEQUAL    .3   /* log luminance: more is another thing */
-#define LOOSE      .3   /* the box may move by so many of its heights, lamps by so many distances */
+#define SETTLED     2e-6 /* radians, or sizes of the plane: the last step */
+#define DOUBTFUL    2.5  /* scales: from there on a measurement weighs less than half */
+#define FINEST_LOG  2e-4 /* least scale of log luminance */
+#define FINEST_TX   .02  /* least scale of an angle, texels */
+#define REACH       3    /* texels on both sides of a crease that are looked at */
+#define COMMON      .03  /* texels: see part_of_creases */
+#define INDEPENDENT 8
+#define CONTRAST    .05 /* of a step that is one */
+#define STEEP       4   /* times the others' gradient: another thing's edge */
+#define FLAT        .2  /* log luminance a radian that is always believed */
+#define UNEQUAL     .3  /* log luminance: more is another thing */
+#define LOOSE       .3  /* the box may move by so many of its heights, lamps by so many distances */
 
 /* ---- the normal equations -------------------------------------------------------------------------- */
 
@@ -448,6 +450,15 @@ static void blind_for_all(solver *s)
     rescale(s, 1);
 }
 
+/* All sightings of creases are wrong by the same part of a texel (how luminance runs beside them), so that many
+ * say no more than a few: they count as INDEPENDENT ones of error COMMON. */
+static double part_of_creases(const solver *s, const list *l)
+{
+    const double c = s->scale[CREASE] / (COMMON * s->v->v[s->level].dp);
+
+    return fmin(1, INDEPENDENT * c * c / (l->creases + 1));
+}
+
 static void assemble(solver *s, const list *l)
 {
     const equation *q = l->q;
@@ -456,7 +467,8 @@ static void assemble(solver *s, const list *l)
     memset(s->y, 0, (size_t)s->n * sizeof *s->y);
     for (int i = 0; i < s->l->n - s->l->creases; q += l->group[i], i++) add_point(s, q, l->group[i]);
     blind_for_all(s);
-    for (int i = 0; i < l->creases; i++, q++) add(s, q, weight(s->scale[CREASE], q->r));
+    const double part = part_of_creases(s, l);
+    for (int i = 0; i < l->creases; i++, q++) add(s, q, part * weight(s->scale[CREASE], q->r));
     for (int i = 0; i < l->lamps; i++, q++) add(s, q, weight(s->scale[LAMP], q->r));
     add_priors(s);
 }
