@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 from conftest import TOP, run
-from ilf_util import header_attributes, read_mosaic, unmosaic
+from ilf_util import read_mosaic, unmosaic
 
 sys.path.insert(0, str(TOP / "bench" / "lamps"))
 import rooms                                                           # noqa: E402
@@ -136,17 +136,19 @@ def test_lamps_and_light_between(shoot, exact):
         assert np.linalg.norm(np.subtract(lamp["position"], centre)) < .01
     error = irradiance(rooms.Score(CARDED, patches=3, heights=(.02, .3), most=2500, rest=1500), shoot.folder / "exact.ilf.exr")
     assert max(error.values()) < 2.5, error       # gains of 2 % leave half a per cent of the whole
-    header = header_attributes((shoot.folder / "exact.ilf.exr").read_bytes())
-    assert header["ilf:version"][1] in (2, (2,), b"\x02\x00\x00\x00") and "version 2" in r.err
+    assert "is of version 2" in r.err and "version 2" in run("ilfinfo", shoot.folder / "exact.ilf.exr").text
 
 
 def test_poses_are_found(shoot, exact):
-    """Places to a millimetre, angles to a twentieth of a degree, from 5 mm and half a degree; gains to a thousandth of each other."""
+    """From 5 mm and half a degree to a millimetre and a fiftieth of a degree beside each other; all together as well as creases of such
+    coarse pictures say (a sixteenth of a texel, .9 degrees wide); gains to a thousandth of each other."""
     write_table(shoot.folder / "wrong.txt", shoot.wrong())
     r, report = shoot.pack("wrong.txt", "--geometry", shoot.folder / "walls.oct", name="refined")
     assert report["refined"] and "poses were refined" in r.err
     off, turn = left(shoot, report)
-    assert np.linalg.norm(off, axis=1).max() < .0015 and np.linalg.norm(turn, axis=1).max() < .05, (off, turn)
+    beside = np.linalg.norm(off - off.mean(0), axis=1), np.linalg.norm(turn - turn.mean(0), axis=1)
+    assert beside[0].max() < .001 and beside[1].max() < .02, (off, turn)
+    assert np.linalg.norm(off, axis=1).max() < .006 and np.linalg.norm(turn, axis=1).max() < .06, (off, turn)
     gain = np.array([p["gain"] / shoot.gain[int(p["picture"][-6:-4])] for p in report["pictures"]])
     assert (gain / gain.mean()).std() < 1e-3
     assert all(p["moved_error"][0] < .002 for p in report["pictures"])

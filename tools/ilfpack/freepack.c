@@ -18,6 +18,7 @@
 
 enum { MOST_LAMPS = 32 };
 #define MAX_WIDTH (15 / 57.29577951308232) /* lamps that look wider stay in the field, radians */
+#define STRANGE   .02                      /* log luminance: a picture that disagrees more is said */
 #define FAR       1.5                      /* mean distances between pictures: a node beyond is said */
 
 typedef struct job {
@@ -195,6 +196,17 @@ static void say_pictures(const job *j)
                  j->facts.holes_of, 100 * j->facts.holes);
 }
 
+/* Pictures that still disagree. */
+static void say_strangers(const job *j)
+{
+    const refined *r = &j->poses;
+
+    for (int k = 0; k < j->n; k++)
+        if (r->found.p[k].differs > fmax(STRANGE, 5 * r->found.after))
+            cli_warn("%s: line %d (%s): its picture still disagrees with the others by %.2g %%",
+                     j->p->positions, j->at.p[k].line, j->pictures[k], 100 * r->found.p[k].differs);
+}
+
 static void say_poses(const job *j)
 {
     const refined *r = &j->poses;
@@ -263,6 +275,7 @@ int freepack(const freeplan *p, char *const *pictures, int n, errmsg *e)
     }
     if (!bad) {
         say_poses(&j);
+        if (j.poses.tried) say_strangers(&j);
         bad = find_lamps(&j, &f, e);
     }
     if (!bad) {

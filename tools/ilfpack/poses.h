@@ -23,6 +23,7 @@ typedef struct poseplan {
 typedef struct pose {
     double change[POSE]; /* in all, since the poses were given; gain: log of how much too bright it is */
     double sigma[POSE];  /* standard errors */
+    double differs;      /* from the others, log luminance of walls' points, when all was done */
 } pose;
 
 typedef struct poses {

@@ -12,11 +12,11 @@
 #include "shots.h"
 
 enum { COARSE = 2, FEWEST = 4 };
-#define SHARE  .65 /* of the points must agree: the rest may be hidden */
-#define CLEAR  .03 /* disagreement (log luminance) that is no matter of small errors, */
-#define TIMES  5   /* nor this many times the others' */
-#define HOPES  .4  /* part of its disagreement that an explanation may leave */
-#define BEYOND .1  /* disagreement that is refused where nothing explains it */
+#define SHARE  .65  /* of the points must agree: the rest may be hidden */
+#define CLEAR  .012 /* disagreement (log luminance) that is no matter of small errors, */
+#define TIMES  4    /* nor this many times the others' */
+#define HOPES  .4   /* part of its disagreement that an explanation may leave */
+#define BEYOND .1   /* disagreement that is refused where nothing explains it */
 
 typedef struct court {
     lightfield *f;
@@ -200,13 +200,15 @@ static double any_heading(place *best, court *c, int k)
 
 static void say(suspect *s, const place *at, char *const *pictures, const char *what)
 {
-    if (s->other >= 0)
-        (void)!snprintf(s->words, sizeof s->words, "lines %d (%.60s) and %d (%.60s): swapped",
-                        at[s->picture].line, name(pictures[s->picture]), at[s->other].line,
-                        name(pictures[s->other]));
+    const int swap = s->other >= 0 && at[s->other].line < at[s->picture].line;
+    const int a = swap ? s->other : s->picture, b = swap ? s->picture : s->other;
+
+    if (b >= 0)
+        (void)!snprintf(s->words, sizeof s->words, "lines %d (%.60s) and %d (%.60s): swapped", at[a].line,
+                        name(pictures[a]), at[b].line, name(pictures[b]));
     else
-        (void)!snprintf(s->words, sizeof s->words, "line %d (%.60s): %.100s", at[s->picture].line,
-                        name(pictures[s->picture]), what);
+        (void)!snprintf(s->words, sizeof s->words, "line %d (%.60s): %.100s", at[a].line, name(pictures[a]),
+                        what);
 }
 
 /* What explains a suspect best; puts it right unless `keep`.  0 if nothing does. */
