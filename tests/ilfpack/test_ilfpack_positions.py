@@ -166,7 +166,7 @@ def small(tmp_path_factory):
     return Shoot(tmp_path_factory.mktemp("small"), rooms.Room([], amp=.2, cell=.7), n=9, rows=96, seed=3)
 
 
-@pytest.mark.parametrize("kind", ["swapped", "sign", "x", "heading"])
+@pytest.mark.parametrize("kind", ["swapped", "x", *(pytest.param(k, marks=pytest.mark.sweep) for k in ("sign", "heading"))])
 def test_a_wrong_line_is_named(small, kind):
     poses, names = small.poses.copy(), [f"shot_{k:02}.exr" for k in range(9)]
     if kind == "swapped":
@@ -181,6 +181,13 @@ def test_a_wrong_line_is_named(small, kind):
     off, turn = left(small, report)
     assert np.abs(off).max() < .02 and np.abs(turn).max() < .5
     assert len(report["wrong_lines"]) == 1
+
+
+def test_headings_counted_clockwise(small):
+    write_table(small.folder / "compass.txt", small.poses * (1, 1, 1, -1, 1, 1))
+    r, report = small.pack("compass.txt", "--geometry", small.folder / "walls.oct", name="compass")
+    assert report["wrong_lines"] == ["all lines: its heading with the other sign"]
+    assert np.abs(left(small, report)[1]).max() < .2
 
 
 def test_what_nothing_explains_is_refused(small):

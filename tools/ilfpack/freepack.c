@@ -217,6 +217,8 @@ static void say_poses(const job *j)
                  j->p->positions, r->wrong.s[k].words,
                  j->p->refine == REFINE_NEVER ? "? Kept as given" : ": taken so", 100 * r->wrong.s[k].before,
                  100 * r->wrong.s[k].after);
+    if (j->n > REFINE_MOST && j->p->refine != REFINE_NEVER)
+        cli_note("poses are as given: of more than %d pictures none is refined", (int)REFINE_MOST);
     if (!r->tried) return;
     cli_note(
         "poses %s: corrections of %.3g in place, %.3g degrees, %.3g %% in gain (rms); pictures disagree by "

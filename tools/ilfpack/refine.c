@@ -10,7 +10,7 @@
 #include "ilflamps/blobs.h"
 #include "shots.h"
 
-enum { FEWEST = 4, MOST = 200 };
+enum { FEWEST = 4 };
 #define BRIGHT 15.  /* times the typical luminance: no wall */
 #define PLACES .006 /* what is given is about so sure: sizes of the plane, */
 #define TURNS  .01  /* radians, */
@@ -109,7 +109,7 @@ int refine(refined *r, lightfield *f, place *at, char *const *pictures, const ch
     memset(r, 0, sizeof *r);
     if (f->n < FEWEST) return 0;
     bad = evidence_make(&x, f, octree, e) || put_right(r, &x, f, at, pictures, octree, how, e);
-    if (!bad && how != REFINE_NEVER && f->n <= MOST) bad = solve(r, &x, f, how, e);
+    if (!bad && how != REFINE_NEVER && f->n <= REFINE_MOST) bad = solve(r, &x, f, how, e);
     for (int k = 0; k < f->n && !bad && r->applied; k++) shots_place(&at[k], f, k);
     evidence_free(&x);
     if (bad) refined_free(r);

@@ -10,6 +10,8 @@
 
 typedef enum refining { REFINE_AUTO, REFINE_ALWAYS, REFINE_NEVER } refining;
 
+enum { REFINE_MOST = 200 }; /* pictures; with more, poses stay as given */
+
 typedef struct refined {
     int tried, applied;
     suspects wrong; /* lines that can't be true */

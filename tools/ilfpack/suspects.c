@@ -16,6 +16,7 @@ enum { COARSE = 2, FEWEST = 4 };
 #define CLEAR  .012 /* disagreement (log luminance) that is no matter of small errors, */
 #define TIMES  4    /* nor this many times the others' */
 #define HOPES  .4   /* part of its disagreement that an explanation may leave */
+#define MOSTLY .05  /* disagreement of the pictures on the average that is no matter of small errors */
 #define BEYOND .1   /* disagreement that is refused where nothing explains it */
 
 typedef struct court {
@@ -127,7 +128,7 @@ static double if_at(court *c, int k, const place *at)
 
 /* ---- what may be meant ---------------------------------------------------------------------------- */
 
-enum { WAYS = 9 };
+enum { WAYS = 9, HEADINGS = 3 };
 static const char *const WAY[WAYS] = {"its heading with the other sign",
                                       "its heading turned by 180 degrees",
                                       "its heading counted clockwise from +y",
@@ -266,13 +267,56 @@ static void court_free(court *c)
     free(c->ref), free(c->value), free(c->tmp), free(c->out), free(c->differs);
 }
 
+/* Median disagreement if all lines were meant in a way (below 0: as they are). */
+static double if_all(court *c, int way)
+{
+    for (int k = 0; k < c->f->n; k++) {
+        const place p = way < 0 ? c->at[k] : meant(&c->at[k], way);
+        shots_stand(c->f, k, &p);
+        look(c->value + (size_t)k * (size_t)c->points, c, k);
+    }
+    (void)accuse(c);
+    return usual(c);
+}
+
+/* All headings may be counted another way than the page says.  Puts them right unless `keep`; 1 if so. */
+static int explain_all(suspect *s, court *c, int keep)
+{
+    double best = HOPES * s->before;
+    int which = -1;
+
+    for (int way = 0; way < HEADINGS; way++) {
+        const double d = if_all(c, way);
+        if (d < best) best = d, which = way;
+    }
+    if (which >= 0) {
+        s->after = best;
+        (void)!snprintf(s->words, sizeof s->words, "all lines: %s", WAY[which]);
+        for (int k = 0; k < c->f->n && !keep; k++) {
+            const place p = meant(&c->at[k], which);
+            stand_at(c, k, &p);
+        }
+    }
+    (void)if_all(c, -1);
+    return which >= 0;
+}
+
 static int judge(suspects *all, court *c, char *const *pictures, int keep, errmsg *e)
 {
-    const int n = accuse(c);
+    suspect everybody = {.picture = -1, .other = -1};
 
-    all->others = usual(c);
-    all->s = calloc((size_t)n + 1, sizeof *all->s);
+    (void)accuse(c);
+    all->s = calloc((size_t)c->f->n + 1, sizeof *all->s);
     if (!all->s) return err_set(e, "no memory for suspects");
+    everybody.before = usual(c);
+    if (everybody.before > MOSTLY && explain_all(&everybody, c, keep)) all->s[all->n++] = everybody;
+    all->others = usual(c);
+    if (all->others > BEYOND && !keep)
+        return err_set(
+            e,
+            "expected pictures that agree at their places, found a disagreement of %.2g %% (median of all "
+            "pictures), which no way of counting their headings explains",
+            100 * all->others);
     for (int k = 0; k < c->f->n; k++) {
         suspect s = {.picture = k, .other = -1, .before = c->differs[k]};
         if (!c->out[k]) continue;

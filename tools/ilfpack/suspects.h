@@ -13,7 +13,7 @@
 #include "views.h"
 
 typedef struct suspect {
-    int picture, other;   /* other: with which it was swapped, or -1 */
+    int picture, other;   /* picture -1: all; other: with which it was swapped, or -1 */
     double before, after; /* disagreement with the other pictures as given, and as meant */
     char words[240];      /* which line, and what is meant */
 } suspect;
