@@ -197,32 +197,36 @@ void rays(const room *w, long n, const double *o, const double *d, double *L, do
     }
 }
 
-/* The direction of a texel's place in a probe that is turned by the matrix of rows r. */
-static void direction(const double *r, double p, double q, double *d)
+/* A direction in a camera's own axes (R: forward, left, up as rows; NULL: none) in the room's. */
+static void outward(double d[3], const double *R, double p, double q)
 {
     const double e[3] = {sin(p) * cos(q), sin(p) * sin(q), cos(p)};
-    for (int c = 0; c < 3; c++) d[c] = r[3 * c] * e[0] + r[3 * c + 1] * e[1] + r[3 * c + 2] * e[2];
+
+    for (int c = 0; c < 3; c++) d[c] = R ? e[0] * R[c] + e[1] * R[3 + c] + e[2] * R[6 + c] : e[c];
 }
 
-/* One probe at o, turned by the matrix of rows `turn`: area means, S x S rays a texel, more where bodies (2S) and lamps (fine) are. */
-void probe(const room *w, const double *o, const double *turn, int n_lat, int n_lon, int S, int fine, float *out)
+/* Area means over a map's texels, S x S rays each, more where bodies (2S) and lamps (fine) are. */
+static void map(const room *w, const double *o, const double *R, double edge, int n_lat, int n_lon, int S, int fine,
+                float *out)
 {
-    const double pi = acos(-1), dp = pi / 2 / n_lat, dt = 2 * pi / n_lon;
+    const double pi = acos(-1), dp = edge / n_lat, dt = 2 * pi / n_lon;
 #pragma omp parallel
     {
         int *which = malloc((size_t)(w->n + 1) * sizeof *which), k;
 #pragma omp for schedule(dynamic, 1)
         for (int y = 0; y < n_lat; y++)
             for (int x = 0; x < n_lon; x++) {
-                double sum[3] = {0, 0, 0}, weight = 0, p = (y + .5) * dp, q = (x + .5) * dt - pi, L[3], m[3], e[3];
-                direction(turn, p, q, m);
+                double sum[3] = {0, 0, 0}, weight = 0, p = (y + .5) * dp, q = (x + .5) * dt - pi, L[3];
+                double m[3];
+                outward(m, R, p, q);
                 const double half = .5 * hypot(dp, dt * sin(fmin(p + dp / 2, pi / 2))) + 1e-4;
                 int s = near_bodies(w, o, m, half, half, which, &k) ? fine : k ? 2 * S : S;
                 if (w->mirror > 0 && m[0] > .3) s = 3 * S;
                 for (int a = 0; a < s; a++)
                     for (int b = 0; b < s; b++) {
                         p = (y + (a + .5) / s) * dp, q = (x + (b + .5) / s) * dt - pi;
-                        direction(turn, p, q, e);
+                        double e[3];
+                        outward(e, R, p, q);
                         look(w, o, e, which, k, L, 0);
                         for (int c = 0; c < 3; c++) sum[c] += sin(p) * L[c];
                         weight += sin(p);
@@ -231,4 +235,16 @@ void probe(const room *w, const double *o, const double *turn, int n_lat, int n_
             }
         free(which);
     }
+}
+
+/* One probe of the upper hemisphere, in axes of its own (R as above). */
+void probe(const room *w, const double *o, const double *R, int n_lat, int n_lon, int S, int fine, float *out)
+{
+    map(w, o, R, acos(-1) / 2, n_lat, n_lon, S, fine, out);
+}
+
+/* All of the sphere in a camera's own axes; azimuth from forward to the left. */
+void sphere(const room *w, const double *o, const double *R, int n_lat, int n_lon, int S, int fine, float *out)
+{
+    map(w, o, R, acos(-1), n_lat, n_lon, S, fine, out);
 }

@@ -48,6 +48,12 @@ def body(kind, c, L, u=(0, 0, 0), v=(0, 0, 0), r=0., **more):
 def unit(v): return np.asarray(v, float) / np.linalg.norm(v)
 
 
+def turned_camera(heading, pitch, roll):
+    "columns: a camera's forward, left, up"
+    h, p, r = np.radians([heading, pitch, roll]); c, s = np.cos, np.sin
+    return np.array([[c(h), -s(h), 0], [s(h), c(h), 0], [0, 0, 1]]) @ [[c(p), 0, -s(p)], [0, 1, 0], [s(p), 0, c(p)]] @ np.array([[1, 0, 0], [0, c(r), -s(r)], [0, s(r), c(r)]])
+
+
 class Room:
     def __init__(self, bodies, lo=(-3.2, -2.9, -.001), hi=(2.9, 3.1, 2.9), amp=0, cell=.5, bright=.7, mirror=0, phase=.4):
         self.bodies, self.lo, self.hi = np.array(bodies, BODY), lo, hi
@@ -61,9 +67,16 @@ class Room:
 
     def probe(self, at, n_theta, n_phi, S=3, fine=20, turn=np.eye(3)):
         "turn: its axes in the room's, in columns"
-        out, at, turn = np.empty((n_phi, n_theta, 3), np.float32), np.array(at, float), np.ascontiguousarray(turn, float)
+        out, at, turn = np.empty((n_phi, n_theta, 3), np.float32), np.array(at, float), np.ascontiguousarray(np.transpose(turn), float)
         LIB.probe(ctypes.byref(self.w), ptr(at), ptr(turn), n_phi, n_theta, S, fine, ptr(out))
         return out
+
+    def panorama(self, at, height, heading=0., pitch=0., roll=0., S=3, fine=20):
+        """What a 360-degree camera writes: equirectangular, middle column forward, columns to the right, top row up.  Degrees: heading of
+        forward counter-clockwise from +x about +z, then pitch (nose up), then roll (right side down)."""
+        axes, out = np.ascontiguousarray(turned_camera(heading, pitch, roll).T), np.empty((height, 2 * height, 3), np.float32)
+        LIB.sphere(ctypes.byref(self.w), ptr(np.array(at, float)), ptr(axes), height, 2 * height, S, fine, ptr(out))
+        return out[:, ::-1].copy()
 
     def caps(self, x):
         "axis and half angle of each lamp as seen from x"

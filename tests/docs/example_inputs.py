@@ -1,7 +1,7 @@
 """Files with the names that the examples of README and man pages use, small enough that these end quickly.
 
 make(folder) writes IMG_1.jpg ... IMG_5.jpg (EXIF times) and times.txt, fisheye.exr, flat.exr, source_00.exr ..., lens.txt,
-panorama.hdr, dual.exr and its rig.txt, spheres.exr, left.exr, right.exr, probe.exr, probe_0.exr ..., room.ilf.exr, lamps.ilf.exr, rays.txt, room.rad, objects.rad,
+panorama.hdr, dual.exr and its rig.txt, shots.txt, shot_0.exr ..., spheres.exr, left.exr, right.exr, probe.exr, probe_0.exr ..., room.ilf.exr, lamps.ilf.exr, rays.txt, room.rad, objects.rad,
 surroundings.rad, view.vf, session.conf.  `with stage(folder):` has a stage at the name port.
 """
 import numpy as np
@@ -99,6 +99,34 @@ def write_lamps(folder):
     write_ilf(folder / "lamps.ilf.exr", f)
 
 
+def wall_light(x):
+    "of ROOM's walls and floor, with no part like another"
+    v = .6 + .25 * np.sin(1.3 * x[..., 0] + .4) * np.cos(1.1 * x[..., 1]) + .15 * np.cos(2 * x[..., 2])
+    return v[..., None] * np.stack([1 + .2 * np.sin(x[..., 0]), np.ones_like(v), 1 + .3 * np.cos(x[..., 1])], -1)
+
+
+def room_panorama(at, heading, rows=64, S=4):
+    "ROOM as a 360-degree camera sees it, upright"
+    y, x = (np.mgrid[0:rows * S, 0:2 * rows * S] + .5) / S
+    lon, lat = np.radians(heading) + np.pi - x / rows * np.pi, np.pi / 2 - y / rows * np.pi
+    d = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], -1)
+    wall = np.where(d > 0, (3, 3, 2), (-2, -2, -1))
+    t = ((wall - at) / d).min(-1)
+    light = wall_light(at + t[..., None] * d)
+    e = np.subtract((1, .5, 1.6), at)
+    light[(d @ e > 0) & ((d @ e) ** 2 - e @ e + .2 ** 2 > 0)] = 90, 80, 60
+    return light.reshape(rows, S, 2 * rows, S, 3).mean((1, 3))
+
+
+def write_shots(folder, n=8):
+    rng, lines = np.random.default_rng(20), []
+    for k in range(n):
+        at, heading = np.r_[rng.uniform(0, .75, 2), rng.uniform(0, .03)], rng.uniform(-180, 180)
+        U.write_exr(folder / f"shot_{k}.exr", room_panorama(at, heading))
+        lines.append(f"shot_{k}.exr {at[0]:.4f} {at[1]:.4f} {at[2]:.4f} {heading:.2f}\n")
+    (folder / "shots.txt").write_text("".join(lines))
+
+
 def write_scene(folder):
     (folder / "room.rad").write_text(ROOM)
     (folder / "objects.rad").write_text(OBJECTS)
@@ -120,6 +148,7 @@ def make(folder):
     write_probes(folder)
     (folder / "rays.txt").write_text("".join(f"{x} {x} 0  {x} 0 1  {2 * x} {x} 1\n" for x in (.1, .2, .3)))
     write_scene(folder)
+    write_shots(folder)
     session(folder, camera={"exposures": "1/60 1/8"}, stage={"port": "port"})
 
 

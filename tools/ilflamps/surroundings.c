@@ -65,9 +65,9 @@ void surroundings_meet(double x[3], const surroundings *s, const double o[3], co
 }
 
 /* Rays out, distances back, through files: rtrace may be slow to read what it is slow to answer. */
-static int run_rtrace(FILE *in, FILE *out, const char *octree, errmsg *e)
+static int run_rtrace(FILE *in, FILE *out, const char *what, const char *octree, errmsg *e)
 {
-    char *argv[] = {"rtrace", "-h", "-w", "-fdf", "-oL", "-ab", "0", (char *)octree, NULL};
+    char *argv[] = {"rtrace", "-h", "-w", "-fdf", (char *)what, "-ab", "0", (char *)octree, NULL};
     posix_spawn_file_actions_t acts;
     pid_t pid;
     int status, r;
@@ -86,32 +86,45 @@ static int run_rtrace(FILE *in, FILE *out, const char *octree, errmsg *e)
     return status ? err_set(e, "%s: rtrace can't trace rays in it", octree) : 0;
 }
 
-int surroundings_from(surroundings *s, const char *octree, const lightfield *f, errmsg *e)
+/* Rays (six doubles each) through rtrace; what it answers, `each` floats a ray, as `what` (-o...) says. */
+int surroundings_rtrace(float *got, int each, const char *what, const double *rays, int n, const char *octree,
+                        errmsg *e)
 {
     FILE *in = tmpfile(), *out = tmpfile();
+    const size_t all = (size_t)n * (size_t)each;
+    int bad = in && out ? 0 : err_errno(e, "temporary file");
+
+    if (!bad &&
+        (fwrite(rays, 6 * sizeof *rays, (size_t)n, in) != (size_t)n || fflush(in) || fseek(in, 0, SEEK_SET)))
+        bad = err_errno(e, "temporary file");
+    if (!bad) bad = run_rtrace(in, out, what, octree, e);
+    if (!bad && (fseek(out, 0, SEEK_SET) || fread(got, sizeof *got, all, out) != all))
+        bad = err_set(e, "%s: expected rtrace to answer %d rays, found fewer answers", octree, n);
+    if (in) fclose(in);
+    if (out) fclose(out);
+    return bad;
+}
+
+int surroundings_from(surroundings *s, const char *octree, const lightfield *f, errmsg *e)
+{
+    double *rays = malloc(COLUMNS * ROWS * 6 * sizeof *rays);
     const ilf_frame *fr = &f->frame;
     int bad = make(s, f, e);
 
-    if (!bad && (!in || !out)) bad = err_errno(e, "temporary file");
+    if (!bad && !rays) bad = err_set(e, "no memory for the surroundings");
     for (int k = 0; k < COLUMNS * ROWS && !bad; k++) {
-        double d[3], r[6];
+        double d[3], *r = rays + 6 * k;
         node(d, k);
         for (int c = 0; c < 3; c++) {
             r[c] =
                 fr->origin[c] + s->centre[0] * fr->u[c] + s->centre[1] * fr->v[c] + 1e-4 * f->size * fr->n[c];
             r[3 + c] = d[0] * fr->u[c] + d[1] * fr->v[c] + d[2] * fr->n[c];
         }
-        if (fwrite(r, sizeof r, 1, in) != 1) bad = err_errno(e, "temporary file");
     }
-    if (!bad && (fflush(in) || fseek(in, 0, SEEK_SET))) bad = err_errno(e, "temporary file");
-    if (!bad) bad = run_rtrace(in, out, octree, e);
-    if (!bad &&
-        (fseek(out, 0, SEEK_SET) || fread(s->far, sizeof *s->far, COLUMNS * ROWS, out) != COLUMNS * ROWS))
-        bad = err_set(e, "%s: expected %d distances from rtrace, found fewer", octree, COLUMNS * ROWS);
+    if (!bad) bad = surroundings_rtrace(s->far, 1, "-oL", rays, COLUMNS * ROWS, octree, e);
     for (int k = 0; k < COLUMNS * ROWS && !bad; k++)
         if (!(s->far[k] > 0) || s->far[k] > 1e6f * (float)f->size) s->far[k] = 1e3f * (float)f->size;
-    if (in) fclose(in);
-    if (out) fclose(out);
+    free(rays);
     s->measured = 1;
     if (bad) surroundings_free(s);
     return bad;

@@ -19,6 +19,10 @@ typedef struct surroundings {
 
 int surroundings_from(surroundings *s, const char *octree, const lightfield *f, errmsg *e);
 int surroundings_guess(surroundings *s, const lightfield *f, errmsg *e);
+/* Rays (six doubles each: origin, direction; scene's coordinates) through rtrace: `each` floats a ray, of what
+ * its option `what` names (-oL: distance). */
+int surroundings_rtrace(float *got, int each, const char *what, const double *rays, int n, const char *octree,
+                        errmsg *e);
 void surroundings_free(surroundings *s);
 
 /* Where a ray from o meets them (field's coordinates). */

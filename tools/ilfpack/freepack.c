@@ -18,6 +18,7 @@
 
 enum { MOST_LAMPS = 32 };
 #define MAX_WIDTH (15 / 57.29577951308232) /* lamps that look wider stay in the field, radians */
+#define STRANGE   .02                      /* log luminance: a picture that disagrees more is said */
 #define FAR       1.5                      /* mean distances between pictures: a node beyond is said */
 
 typedef struct job {
@@ -29,6 +30,7 @@ typedef struct job {
     ilf_frame frame;
     int n_u, n_v;
     shotfacts facts;
+    refined poses;
     analysis a;
     reach *nodes;
 } job;
@@ -74,6 +76,7 @@ static void job_free(job *j)
 {
     for (int k = 0; j->pictures && k < j->n; k++) free(j->pictures[k]);
     free(j->pictures), free(j->nodes);
+    refined_free(&j->poses);
     places_free(&j->at);
     if (j->a.lamps) analysis_free(&j->a);
 }
@@ -193,6 +196,37 @@ static void say_pictures(const job *j)
                  j->facts.holes_of, 100 * j->facts.holes);
 }
 
+/* Pictures that still disagree. */
+static void say_strangers(const job *j)
+{
+    const refined *r = &j->poses;
+
+    for (int k = 0; k < j->n; k++)
+        if (r->found.p[k].differs > fmax(STRANGE, 5 * r->found.after))
+            cli_warn("%s: line %d (%s): its picture still disagrees with the others by %.2g %%",
+                     j->p->positions, j->at.p[k].line, j->pictures[k], 100 * r->found.p[k].differs);
+}
+
+static void say_poses(const job *j)
+{
+    const refined *r = &j->poses;
+    const double deg = 180 / 3.14159265358979323846;
+
+    for (int k = 0; k < r->wrong.n; k++)
+        cli_warn("%s: %s%s (its picture disagrees with the others by %.2g %%, so by %.2g %%)",
+                 j->p->positions, r->wrong.s[k].words,
+                 j->p->refine == REFINE_NEVER ? "? Kept as given" : ": taken so", 100 * r->wrong.s[k].before,
+                 100 * r->wrong.s[k].after);
+    if (j->n > REFINE_MOST && j->p->refine != REFINE_NEVER)
+        cli_note("poses are as given: of more than %d pictures none is refined", (int)REFINE_MOST);
+    if (!r->tried) return;
+    cli_note(
+        "poses %s: corrections of %.3g in place, %.3g degrees, %.3g %% in gain (rms); pictures disagree by "
+        "%.3g %%, %s %.3g %%",
+        r->applied ? "were refined" : "are as given", r->shift, r->turn * deg, 100 * r->gain,
+        100 * r->found.before, r->applied ? "now" : "and would by", 100 * r->found.after);
+}
+
 static void say_lamps(const job *j)
 {
     int taken = 0;
@@ -238,6 +272,12 @@ int freepack(const freeplan *p, char *const *pictures, int n, errmsg *e)
 
     if (!bad) {
         say_plan(&j), say_pictures(&j);
+        bad = refine(&j.poses, &f, j.at.p, j.pictures, p->octree, p->refine, e);
+        if (bad) lf_free(&f);
+    }
+    if (!bad) {
+        say_poses(&j);
+        if (j.poses.tried) say_strangers(&j);
         bad = find_lamps(&j, &f, e);
     }
     if (!bad) {
@@ -245,7 +285,8 @@ int freepack(const freeplan *p, char *const *pictures, int n, errmsg *e)
         bad = j.nodes ? regrid_reach(j.nodes, &j.a, j.n_u, j.n_v, e) : err_set(e, "no memory for a grid");
     }
     if (!bad) {
-        const freefacts facts = {p->positions, j.pictures, j.at.p, j.n, j.n_u, j.n_v, j.plane, j.nodes};
+        const freefacts facts = {p->positions, j.pictures, j.at.p,  &j.poses, j.n,
+                                 j.n_u,        j.n_v,      j.plane, j.nodes};
         if (p->report) bad = freereport_write(p->report, &facts, &j.a, e);
     }
     if (!bad) bad = to_grid(&j, e) || write_out(&j, e);

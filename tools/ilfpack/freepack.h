@@ -5,6 +5,7 @@
 #define FREEPACK_H
 
 #include "positions.h"
+#include "refine.h"
 #include "shots.h"
 
 typedef struct freeplan {
@@ -13,6 +14,7 @@ typedef struct freeplan {
     int n_u, n_v;          /* 0: what they support */
     const char *octree;    /* the surroundings, or NULL: a box estimated from the pictures */
     int keep_lamps;        /* 1: lamps stay in the probes (version 1) */
+    refining refine;
     shotplan how;
     const char *report; /* JSON, or NULL */
     const char *target;

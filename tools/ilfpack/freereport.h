@@ -5,12 +5,14 @@
 #define FREEREPORT_H
 
 #include "positions.h"
+#include "refine.h"
 #include "regrid.h"
 
 typedef struct freefacts {
     const char *positions;
     char **pictures;
-    const place *at; /* where they stand */
+    const place *at;      /* where they stand, as given or refined */
+    const refined *poses; /* corrections */
     int n, n_u, n_v;
     const double *plane; /* nine numbers */
     const reach *nodes;  /* n_u*n_v */

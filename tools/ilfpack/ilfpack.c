@@ -19,7 +19,7 @@
 #define PI 3.14159265358979323846
 
 static int n_u, n_v, interleave, fill_holes, ignore_alpha, dry_run;
-static const char *positions, *geometry, *lamps, *report;
+static const char *positions, *geometry, *lamps, *report, *refine_text;
 static double plane[9], polar_max_deg, polar_valid_deg;
 static const char *plane_text, *type_name = "half", *compression = "none", *target, *layer;
 
@@ -50,6 +50,10 @@ static const cli_opt options[] = {
      "from the pictures)"},
     {"lamps", 0, CLI_STRING, &lamps, NULL, "auto|keep",
      "with --positions: take lamps out (version 2; the default), or keep them\nin the probes (version 1)"},
+    {"refine", 0, CLI_STRING, &refine_text, NULL, "auto|always|never",
+     "with --positions: correct places, headings and gains by what the\npictures agree on: where that "
+     "clearly helps "
+     "(the default), always, never"},
     {"report", 0, CLI_STRING, &report, NULL, "FILE.json",
      "with --positions: write what was found: pictures, nodes, lamps"},
     {"polar-max", 0, CLI_DOUBLE, &polar_max_deg, NULL, "DEG",
@@ -309,8 +313,9 @@ static void check_common(void)
 
 static void check_usage(int operands)
 {
-    if (geometry || lamps || report)
-        cli_fail(CLI_USAGE, "--geometry, --lamps and --report go with --positions: expected that, too");
+    if (geometry || lamps || report || refine_text)
+        cli_fail(CLI_USAGE,
+                 "--geometry, --lamps, --refine and --report go with --positions: expected that, too");
     if (!n_u) cli_fail(CLI_USAGE, "expected --grid NxM");
     if (!plane_text) cli_fail(CLI_USAGE, "expected --plane \"O U V\"");
     check_common();
@@ -366,6 +371,15 @@ static void check_free(void)
     if (ilf_spec_check(&spec, &err) != ILF_OK) cli_fail(CLI_USAGE, "%s", err.text);
 }
 
+static const char *const REFINING[] = {"auto", "always", "never"};
+
+static refining how_to_refine(void)
+{
+    for (int k = 0; k < 3; k++)
+        if (!refine_text || strcmp(refine_text, REFINING[k]) == 0) return (refining)k;
+    cli_fail(CLI_USAGE, "--refine: expected auto, always or never, found \"%s\"", refine_text);
+}
+
 static int pack_free(char *const *pictures, int n, const char *line)
 {
     const freeplan p = {.positions = positions,
@@ -374,6 +388,7 @@ static int pack_free(char *const *pictures, int n, const char *line)
                         .n_v = n_v,
                         .octree = geometry,
                         .keep_lamps = lamps && strcmp(lamps, "keep") == 0,
+                        .refine = how_to_refine(),
                         .how = {.polar_max = fmax(0, polar_max_deg) * PI / 180,
                                 .ignore_alpha = ignore_alpha,
                                 .layer = layer,

@@ -156,3 +156,12 @@ void place_axes(double a[3][3], const place *p)
     a[0][0] = cp * ch, a[0][1] = cp * sh, a[0][2] = sp;
     for (int k = 0; k < 3; k++) a[1][k] = cr * left[k] + sr * up[k], a[2][k] = cr * up[k] - sr * left[k];
 }
+
+void place_angles(place *p, const double a[3][3])
+{
+    const double deg = 180 / 3.14159265358979323846;
+
+    p->heading = deg * atan2(a[0][1], a[0][0]);
+    p->pitch = deg * asin(fmax(-1, fmin(1, a[0][2])));
+    p->roll = deg * atan2(a[1][2], a[2][2]);
+}

@@ -37,4 +37,7 @@ int places_match(places *all, char *const *pictures, int n, const char *path, er
 /* Unit vectors forward, left, up of a place's picture, in the scene's coordinates. */
 void place_axes(double axes[3][3], const place *p);
 
+/* A place's angles from its axes. */
+void place_angles(place *p, const double axes[3][3]);
+
 #endif

@@ -205,6 +205,22 @@ void shots_stand(lightfield *f, int k, const place *at)
     }
 }
 
+void shots_place(place *at, const lightfield *f, int k)
+{
+    const ilf_frame *fr = &f->frame;
+    double own[3][3];
+
+    for (int c = 0; c < 3; c++) {
+        at->at[c] =
+            fr->origin[c] + f->pos[k][0] * fr->u[c] + f->pos[k][1] * fr->v[c] + f->pos[k][2] * fr->n[c];
+        for (int a = 0; a < 3; a++) {
+            const double *t = f->turn[k] + 3 * a;
+            own[a][c] = t[0] * fr->u[c] + t[1] * fr->v[c] + t[2] * fr->n[c];
+        }
+    }
+    place_angles(at, own);
+}
+
 /* Rows that show what is above the horizon, whichever way cameras were tilted. */
 static int rows_needed(const place *at, int n, const ilf_frame *plane, double dp, int most)
 {

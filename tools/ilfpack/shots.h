@@ -33,6 +33,9 @@ typedef struct shotfacts {
 int shots_load(lightfield *f, shotfacts *facts, char *const *pictures, const place *at, int n,
                const ilf_frame *plane, const shotplan *how, errmsg *e);
 
+/* A place as probe k of the field stands and is turned now; its name and line stay. */
+void shots_place(place *at, const lightfield *f, int k);
+
 /* Where probe k of the field stands and how it is turned, from its place. */
 void shots_stand(lightfield *f, int k, const place *at);
 
