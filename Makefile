@@ -57,6 +57,7 @@ PROGRAMS_fishremap := fishremap falloffcal
 PROGRAMS_stagectl  := stagectl
 PROGRAMS_twin      := virtualstage virtualcamera
 PROGRAMS_ilflamps  := ilflamps
+PROGRAMS_ilfdepth  := ilfdepth
 LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
 LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack -ljansson
 LIBS_stagectl      := -lutil -lexif -lcrypto
@@ -64,7 +65,7 @@ LIBS_ilflamps      := -llapacke -llapack
 LIBS_twin          := $(LIBS_stagectl)
 # the tool whose parts another stands on: the virtual stage speaks the real one's language
 UNDER_twin         := stagectl
-TOOLS              := hdrgen fishremap stagectl twin ilflamps
+TOOLS              := hdrgen fishremap stagectl twin ilflamps ilfdepth
 
 # A main that is not written yet is left out, so that a partial checkout builds.
 have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
