@@ -27,28 +27,34 @@ double box_near(const box *b, const double o[3], const double d[3])
 }
 
 typedef struct point {
-    double o[3], d[3], near, weight;
+    double o[3], d[3], near, weight, most; /* most: the greatest nearness that was looked for */
 } point;
 
 /* Up to MOST_POINTS cells of the maps, weighted by their solid angle and how sure they are. */
-static int gather(point *pt, const depthmap *maps, int n, const views *s, const int *held)
+static int gather(point *pt, const depthmap *maps, int n, const views *s, const sweep_plan *p)
 {
     long all = 0, seen = 0;
     int many = 0;
 
-    for (int k = 0; k < n; k++) all += held[maps[k].view] ? 0 : maps[k].w * maps[k].h;
+    for (int k = 0; k < n; k++) all += p->held[maps[k].view] ? 0 : maps[k].w * maps[k].h;
     for (int k = 0; k < n; k++)
-        for (int i = 0; i < maps[k].w * maps[k].h && !held[maps[k].view]; i++, seen++) {
+        for (int i = 0; i < maps[k].w * maps[k].h && !p->held[maps[k].view]; i++, seen++) {
             const depthmap *m = &maps[k];
             if (many >= MOST_POINTS || seen * MOST_POINTS / all < many) continue;
             point *q = &pt[many];
             depthmap_direction(q->d, m, s, i % m->w, i / m->w);
             memcpy(q->o, s->v[m->view].at, sizeof q->o);
-            q->near = (double)m->free[i];
+            q->near = fmin(p->most, (double)m->free[i]), q->most = p->most;
             q->weight = (double)m->sure[i] * sin(s->v[m->view].polar_max * (i / m->w + .5) / m->h);
             if (q->near > 0 && q->weight > 0) many++;
         }
     return many;
+}
+
+/* Of a point's nearness from the box's, as a logarithm; what lies nearer than was looked for says no more than that. */
+static double departs(const box *b, const point *p)
+{
+    return fabs(log(p->near / fmin(p->most, box_near(b, p->o, p->d))));
 }
 
 static double misfit(const box *b, const point *pt, int n)
@@ -56,7 +62,7 @@ static double misfit(const box *b, const point *pt, int n)
     double sum = 0, all = 1e-30;
 
     for (int k = 0; k < n; k++) {
-        sum += pt[k].weight * fmin(.25, fabs(log(pt[k].near / box_near(b, pt[k].o, pt[k].d))));
+        sum += pt[k].weight * fmin(.25, departs(b, &pt[k]));
         all += pt[k].weight;
     }
     return sum / all;
@@ -88,6 +94,7 @@ static void begin_at_medians(box *b, const point *pt, int n, double reach)
         int many = 0;
         for (int k = 0; k < n; k++) {
             double p[3], q[3];
+            if (pt[k].near > .97 * pt[k].most) continue;
             v3_add(p, pt[k].o, 1 / pt[k].near, pt[k].d);
             v3_add(p, p, -1, b->c);
             v3_into(q, b->axis, p);
@@ -127,7 +134,7 @@ static void explained(box *b, const point *pt, int n)
     double sum = 0, all = 1e-30;
 
     for (int k = 0; k < n; k++) {
-        sum += pt[k].weight * (fabs(log(pt[k].near / box_near(b, pt[k].o, pt[k].d))) < .05);
+        sum += pt[k].weight * (departs(b, &pt[k]) < .05);
         all += pt[k].weight;
     }
     b->explains = sum / all;
@@ -140,7 +147,7 @@ int box_fit(box *b, const depthmap *maps, int n, const views *s, const sweep_pla
 
     memset(b, 0, sizeof *b);
     if (!pt) return err_set(e, "no memory for a box");
-    const int many = gather(pt, maps, n, s, p->held);
+    const int many = gather(pt, maps, n, s, p);
     for (int k = 0; k < TURNS && many > 100; k++) {
         box t = {0};
         memcpy(t.c, s->centre, sizeof t.c);

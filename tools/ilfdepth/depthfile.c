@@ -49,6 +49,17 @@ static void one_texel(float *far, float *sure, float *error, const corner c[4], 
     *sure = ok, *error = fminf(1, err * *far);
 }
 
+/* A lamp that was taken out of the field stands where its file says. */
+static void lamp_before(float *far, float *sure, float *error, const double o[3], const double d[3], const views *s)
+{
+    for (int k = 0; k < s->n_lamps; k++) {
+        const ilf_luminaire *l = &s->lamps[k];
+        double t;
+        if (l->far || !ilf_luminaire_hit(&t, l, o, d) || t >= (double)*far) continue;
+        *far = (float)t, *sure = 1, *error = (float)fmin(1, l->error_position / t);
+    }
+}
+
 void depthfile_fine(float *far, float *sure, float *error, const depthmap *m, const views *s)
 {
     const view *v = &s->v[m->view];
@@ -72,6 +83,7 @@ void depthfile_fine(float *far, float *sure, float *error, const depthmap *m, co
             feature_look(f, v, e);
             corners(c, f, (const float(*)[4])cell, m, (x + .5) * m->w / v->nt, (y + .5) * m->h / v->np);
             one_texel(far + at, sure + at, error + at, c, m, (float)(1e4 * s->size));
+            lamp_before(far + at, sure + at, error + at, v->at, d, s);
         }
     free(cell);
 }
@@ -80,7 +92,7 @@ void depthfile_fine(float *far, float *sure, float *error, const depthmap *m, co
 static int place(img *im, float *sure, float *error, const depthmap *m, const views *s, int nt, int np, errmsg *e)
 {
     const view *v = &s->v[m->view];
-    const int i = m->view % s->nu, j = m->view / s->nu;
+    const int i = v->slot % s->nu, j = v->slot / s->nu;
     const size_t n = (size_t)v->nt * (size_t)v->np;
     float *room = malloc(3 * n * sizeof *room);
 

@@ -13,10 +13,8 @@
 enum { MOST_SOURCES = 16 };
 
 typedef enum depth_from {
-    DEPTH_SWEPT,  /* from parallax, by itself */
-    DEPTH_BOX,    /* the room's box explains what is seen as well */
-    DEPTH_LAMP,   /* a lamp that was taken out of the field, as its file has it */
-    DEPTH_OTHERS  /* as other pictures have it */
+    DEPTH_SWEPT, /* from parallax, by itself */
+    DEPTH_BOX    /* the room's box explains what is seen as well */
 } depth_from;
 
 typedef struct depthmap {
@@ -51,6 +49,9 @@ void depthmap_direction(double d[3], const depthmap *m, const views *s, int x, i
 
 /* The cell that shows direction d, or -1. */
 int depthmap_cell(const depthmap *m, const views *s, const double d[3]);
+
+/* Nearness in direction d (any length), between cells where they show one thing; below 0 where the map ends. */
+double depthmap_look(const depthmap *m, const float *near, const views *s, const double d[3]);
 
 /* Sweep spheres round the map's place: near, free, error, sure and sources are filled. */
 int depthmap_sweep(depthmap *m, const views *s, const sweep_plan *p, errmsg *e);

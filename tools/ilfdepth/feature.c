@@ -80,7 +80,7 @@ static float grey(const float *f)
     return .265f * f[0] + .670f * f[1] + .065f * f[2];
 }
 
-/* A node less the mean of those up to three steps round it. */
+/* A node less the mean of those up to three steps round it, of which none (a lamp) counts for much. */
 static void stand_out(view *v)
 {
     const int n = v->nodes, reach = 3;
@@ -94,9 +94,9 @@ static void stand_out(view *v)
                 for (int a = i - reach; a <= i + reach; a++) {
                     if (a < 0 || b < 0 || a >= n || b >= n) continue;
                     const float *g = v->feature + 4 * ((size_t)b * (size_t)n + (size_t)a);
-                    if (g[0] > FEATURE_NOTHING) sum += grey(g), many++;
+                    if (g[0] > FEATURE_NOTHING) sum += fmaxf(-.5f, fminf(.5f, grey(g) - grey(f))), many++;
                 }
-            if (many) f[3] = grey(f) - sum / (float)many;
+            if (many) f[3] = -sum / (float)many;
         }
 }
 

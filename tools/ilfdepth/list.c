@@ -90,6 +90,7 @@ static int all_lines(views *s, const char *text, const char *path, const char *f
         if (!more) return err_set(e, "%s: no memory", path);
         s->v = more;
         memset(&s->v[s->n], 0, sizeof *s->v);
+        s->v[s->n].slot = s->n;
         s->n++;
         if (one_line(&s->v[s->n - 1], line, folder, path, t.number, e)) return -1;
     }

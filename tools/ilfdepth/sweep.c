@@ -8,7 +8,7 @@
 
 #include "vec3.h"
 
-static const float BOUND = .5f; /* a source that sees another thing counts no more than this */
+static const float BOUND = .3f; /* a source that sees another thing counts no more than this */
 
 float sweep_level(const sweep *w, double level)
 {
@@ -27,7 +27,8 @@ static int nearer(const void *a, const void *b)
     return x->far < y->far ? -1 : x->far > y->far ? 1 : x->number - y->number;
 }
 
-/* Sources: from all distances, evenly; those nearest see round corners, those farthest tell distances best. */
+/* Sources: from all distances, evenly; those nearest see round corners, those farthest tell distances best.  In the end
+ * they lie in the order of the sides on which they stand. */
 static int choose(sweep *w, errmsg *e)
 {
     const views *s = w->s;
@@ -43,7 +44,14 @@ static int choose(sweep *w, errmsg *e)
     }
     qsort(c, (size_t)n, sizeof *c, nearer);
     const int most = 12 < n ? 12 : n;
-    for (int k = 0; k < most; k++) w->m->source[k] = c[(int)((k + .5) * n / most)].number;
+    for (int k = 0; k < most; k++) {
+        double b[3];
+        c[k] = c[(int)((k + .5) * n / most)];
+        v3_add(b, s->v[c[k].number].at, -1, own->at);
+        c[k].far = atan2(b[1], b[0]);
+    }
+    qsort(c, (size_t)most, sizeof *c, nearer);
+    for (int k = 0; k < most; k++) w->m->source[k] = c[k].number;
     w->m->sources = most;
     free(c);
     return n ? 0 : err_set(e, "%s: expected other pictures from other places, found none", own->name);
@@ -68,19 +76,31 @@ static void own_features(sweep *w)
     }
 }
 
+static float one_source(const source *s, const float d[3], const float f[4], float r, int *n)
+{
+    const float e[3] = {d[0] + r * s->shift[0], d[1] + r * s->shift[1], d[2] + r * s->shift[2]};
+    float g[4];
+
+    if (!feature_look(g, s->v, e)) return 0;
+    ++*n;
+    return fminf(BOUND, feature_differ(f, g));
+}
+
+/* Behind an edge half of the sources see something else: of four groups, each from one side, the better two count. */
 float sweep_cost(const sweep *w, const float d[3], const float f[4], float r)
 {
-    float sum = 0;
-    int n = 0;
+    const int all = w->m->sources, groups = all >= 8 ? 4 : 1;
+    float best = 1e30f, second = 1e30f;
 
-    for (int k = 0; k < w->m->sources; k++) {
-        const source *s = &w->source[k];
-        const float e[3] = {d[0] + r * s->shift[0], d[1] + r * s->shift[1], d[2] + r * s->shift[2]};
-        float g[4];
-        if (!feature_look(g, s->v, e)) continue;
-        sum += fminf(BOUND, feature_differ(f, g)), n++;
+    for (int g = 0; g < groups; g++) {
+        float sum = 0;
+        int n = 0;
+        for (int k = g * all / groups; k < (g + 1) * all / groups; k++) sum += one_source(&w->source[k], d, f, r, &n);
+        const float mean = n ? sum / (float)n : BOUND;
+        if (mean < best) second = best, best = mean;
+        else if (mean < second) second = mean;
     }
-    return n ? sum / (float)n : BOUND;
+    return groups > 1 ? .5f * (best + second) : best;
 }
 
 static int compare_floats(const void *a, const void *b)

@@ -30,7 +30,7 @@ static int one_probe(views *s, int k, errmsg *e)
     const ilf_info *info = ilf_get_info(s->file);
     const ilf_frame *f = ilf_get_frame(s->file);
     view *v = &s->v[k];
-    const int i = k % s->nu, j = k / s->nu;
+    const int i = v->slot % s->nu, j = v->slot / s->nu;
     ilf_error err;
 
     snprintf(v->name, sizeof v->name, "probe %d,%d", i, j);
@@ -51,23 +51,78 @@ static void cut_rows(view *v, double valid)
     if (rows >= 1 && rows < v->np) v->polar_max *= (double)rows / v->np, v->np = rows;
 }
 
-int views_of_field(views *s, const char *path, errmsg *e)
+/* "I,J I,J ...": each once, within the grid. */
+static int named_probes(views *s, const char *chosen, char *take, errmsg *e)
+{
+    for (const char *p = chosen; *p;) {
+        int i, j, used = 0;
+        if (sscanf(p, " %d,%d%n", &i, &j, &used) < 2 || !used || i < 0 || j < 0 || i >= s->nu || j >= s->nv)
+            return err_set(e, "--probes: expected I,J within the grid of %d x %d, found \"%.40s\"", s->nu, s->nv, p);
+        take[j * s->nu + i] = 1;
+        for (p += used; *p == ' ';) p++;
+    }
+    return 0;
+}
+
+/* About as many as asked for, in rows and columns that keep the edges. */
+static void spread_probes(const views *s, int most, char *take)
+{
+    int a = s->nu, b = s->nv;
+
+    while (a * b > most && a * b > 4) {
+        if (a >= b) a--;
+        else b--;
+    }
+    for (int j = 0; j < b; j++)
+        for (int i = 0; i < a; i++) {
+            const int u = a > 1 ? (int)((double)i * (s->nu - 1) / (a - 1) + .5) : s->nu / 2;
+            const int v = b > 1 ? (int)((double)j * (s->nv - 1) / (b - 1) + .5) : s->nv / 2;
+            take[v * s->nu + u] = 1;
+        }
+}
+
+static int choose_probes(views *s, const char *chosen, char *take, errmsg *e)
+{
+    char *end = NULL;
+    const long many = chosen ? strtol(chosen, &end, 10) : 64;
+
+    if (chosen && *end) return named_probes(s, chosen, take, e);
+    if (many < 2 || many > 4096)
+        return err_set(e, "--probes: expected 2 to 4096, or I,J I,J ..., found \"%.40s\"", chosen);
+    spread_probes(s, (int)many, take);
+    return 0;
+}
+
+static int take_probes(views *s, const char *chosen, errmsg *e)
+{
+    const ilf_info *info = ilf_get_info(s->file);
+    const int all = s->nu * s->nv;
+    char *take = calloc((size_t)all, 1);
+    int bad;
+
+    s->v = calloc((size_t)all, sizeof *s->v);
+    bad = take && s->v ? choose_probes(s, chosen, take, e) : err_set(e, "%s: no memory", ilf_get_path(s->file));
+    for (int k = 0; k < all && !bad; k++) {
+        if (!take[k]) continue;
+        s->v[s->n].slot = k;
+        bad = one_probe(s, s->n++, e);
+        if (!bad) cut_rows(&s->v[s->n - 1], info->polar_valid);
+    }
+    free(take);
+    if (!bad && s->n < 2)
+        bad = err_set(e, "%s: expected two probes or more, found %d", ilf_get_path(s->file), s->n);
+    return bad;
+}
+
+int views_of_field(views *s, const char *path, const char *chosen, errmsg *e)
 {
     ilf_error err;
-    int bad = 0;
 
     memset(s, 0, sizeof *s);
     if (ilf_open(&s->file, path, &err) != ILF_OK) return err_set(e, "%s", err.text);
-    const ilf_info *info = ilf_get_info(s->file);
     const ilf_frame *f = ilf_get_frame(s->file);
-    s->nu = info->n_u, s->nv = info->n_v, s->n = s->nu * s->nv;
-    s->v = calloc((size_t)s->n, sizeof *s->v);
-    if (!s->v) bad = err_set(e, "%s: no memory for its probes", path);
-    for (int k = 0; k < s->n && !bad; k++) {
-        bad = one_probe(s, k, e);
-        if (!bad) cut_rows(&s->v[k], info->polar_valid);
-    }
-    if (bad) {
+    s->nu = ilf_get_info(s->file)->n_u, s->nv = ilf_get_info(s->file)->n_v;
+    if (take_probes(s, chosen, e)) {
         views_free(s);
         return -1;
     }

@@ -13,6 +13,7 @@
 
 typedef struct view {
     char name[256]; /* a panorama's file, or "probe 3,4" */
+    int slot;       /* its place in the grid or the list, from 0 */
     double at[3], axis[3][3];
     int turned;       /* 0: axis is the identity */
     int nt, np;       /* columns, rows */
@@ -37,8 +38,9 @@ typedef struct views {
     ilf *file; /* of a field, open; else NULL */
 } views;
 
-/* All probes of a light field.  *s is the caller's until views_free. */
-int views_of_field(views *s, const char *path, errmsg *e);
+/* Probes of a light field: those of `chosen` ("I,J I,J ...", or how many, spread over the grid; NULL: 64 of more, else all).
+ * *s is the caller's until views_free. */
+int views_of_field(views *s, const char *path, const char *chosen, errmsg *e);
 
 /* Panoramas named in a list: lines "picture x y z heading [pitch roll]", equirectangular, top row up, middle column forward, columns to the
  * right; heading: of forward, degrees counter-clockwise from +x about +z, then pitch (nose up), then roll (right side
