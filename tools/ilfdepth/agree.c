@@ -28,7 +28,8 @@ static void vote(votes *v, const depthmap *m, const views *s, const double p[3])
 
 static float judged(const votes *v, const depthmap *m, int k)
 {
-    const float share = ((float)v->same + 1) / ((float)(v->same + v->through) + .7f * (float)v->hidden + 1.3f);
+    const float share =
+        ((float)v->same + 1) / ((float)(v->same + v->through) + .7f * (float)v->hidden + 1.3f);
 
     return fminf(1, m->from[k] == DEPTH_BOX ? share : share * sqrtf(m->sure[k]));
 }

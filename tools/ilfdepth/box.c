@@ -156,7 +156,7 @@ int box_fit(box *b, const depthmap *maps, int n, const views *s, const sweep_pla
         const double m = improve(&t, pt, many);
         if (m < best) best = m, *b = t;
     }
-    b->fitted = best < .12; /* else hardly anything lies on it */
+    b->fitted = best < .14; /* else hardly anything lies on it */
     const int bad = b->fitted ? boxphoto_fit(b, maps, n, s, p, e) : 0;
     if (!bad) explained(b, pt, many);
     free(pt);

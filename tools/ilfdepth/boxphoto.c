@@ -26,7 +26,8 @@ static void turn(box *b, const double w[3])
         b->axis[2][c] += w[1] * old[0][c] - w[0] * old[1][c];
     }
     for (int k = 0; k < 3; k++) { /* at right angles again */
-        for (int i = 0; i < k; i++) v3_add(b->axis[k], b->axis[k], -v3_dot(b->axis[k], b->axis[i]), b->axis[i]);
+        for (int i = 0; i < k; i++)
+            v3_add(b->axis[k], b->axis[k], -v3_dot(b->axis[k], b->axis[i]), b->axis[i]);
         const double l = v3_len(b->axis[k]);
         for (int c = 0; c < 3; c++) b->axis[k][c] /= l;
     }
@@ -123,6 +124,12 @@ static void fit(box *b, sweep *w, int n, int leave, int rounds)
         if (!one_step(b, w, n, leave, step)) return;
 }
 
+/* What all fits have in common (pictures are bilinear between texels) shows in none: a hundredth of a cell's parallax. */
+static double floor_of(double side, const sweep *w)
+{
+    return .01 * (6.283185307 / w->p->w) / w->s->size * side * side;
+}
+
 /* Jackknife: the spread of fits that leave out a fourth of the maps each. */
 static void errors(box *b, sweep *w, int n)
 {
@@ -130,14 +137,14 @@ static void errors(box *b, sweep *w, int n)
 
     for (int f = 0; f < FOLDS; f++) {
         box t = *b;
-        fit(&t, w, n, f, 3);
+        if (n >= FOLDS) fit(&t, w, n, f, 3);
         memcpy(at[f], t.side, sizeof at[f]);
         for (int k = 0; k < 6; k++) mean[k] += t.side[k] / FOLDS;
     }
     for (int k = 0; k < 6; k++) {
         double sum = 0;
         for (int f = 0; f < FOLDS; f++) sum += (at[f][k] - mean[k]) * (at[f][k] - mean[k]);
-        b->error[k] = sqrt((FOLDS - 1.) / FOLDS * sum);
+        b->error[k] = !b->seen[k] ? 0 : hypot(sqrt((FOLDS - 1.) / FOLDS * sum), floor_of(b->side[k], &w[0]));
     }
 }
 
@@ -152,7 +159,7 @@ int boxphoto_fit(box *b, const depthmap *maps, int n, const views *s, const swee
     }
     if (!bad) {
         fit(b, w, n, -1, ROUNDS);
-        if (n >= FOLDS) errors(b, w, n);
+        errors(b, w, n);
     }
     for (int k = 0; k < n && w; k++) sweep_end(&w[k]);
     free(w);

@@ -17,7 +17,8 @@ typedef struct corner {
 } corner;
 
 /* The four cells round a place, weighted by nearness in the picture and by likeness. */
-static void corners(corner c[4], const float f[4], const float (*cell)[4], const depthmap *m, double x, double y)
+static void corners(corner c[4], const float f[4], const float (*cell)[4], const depthmap *m, double x,
+                    double y)
 {
     const double fx = floor(x - .5), fy = floor(y - .5), a = x - .5 - fx, b = y - .5 - fy;
 
@@ -32,7 +33,8 @@ static void corners(corner c[4], const float f[4], const float (*cell)[4], const
     }
 }
 
-static void one_texel(float *far, float *sure, float *error, const corner c[4], const depthmap *m, float farthest)
+static void one_texel(float *far, float *sure, float *error, const corner c[4], const depthmap *m,
+                      float farthest)
 {
     float sum = 0, near = 0, ok = 0, err = 0, lo = 1e30f, hi = 0;
     int best = 0;
@@ -50,7 +52,8 @@ static void one_texel(float *far, float *sure, float *error, const corner c[4], 
 }
 
 /* A lamp that was taken out of the field stands where its file says. */
-static void lamp_before(float *far, float *sure, float *error, const double o[3], const double d[3], const views *s)
+static void lamp_before(float *far, float *sure, float *error, const double o[3], const double d[3],
+                        const views *s)
 {
     for (int k = 0; k < s->n_lamps; k++) {
         const ilf_luminaire *l = &s->lamps[k];
@@ -89,7 +92,8 @@ void depthfile_fine(float *far, float *sure, float *error, const depthmap *m, co
 }
 
 /* One map's texels to its place in the mosaic; panoramas are turned back to how they came. */
-static int place(img *im, float *sure, float *error, const depthmap *m, const views *s, int nt, int np, errmsg *e)
+static int place(img *im, float *sure, float *error, const depthmap *m, const views *s, int nt, int np,
+                 errmsg *e)
 {
     const view *v = &s->v[m->view];
     const int i = v->slot % s->nu, j = v->slot / s->nu;
@@ -101,25 +105,27 @@ static int place(img *im, float *sure, float *error, const depthmap *m, const vi
     for (int y = 0; y < v->np; y++)
         for (int x = 0; x < v->nt; x++) {
             const size_t from = (size_t)y * (size_t)v->nt + (size_t)(s->mirrored ? v->nt - 1 - x : x);
-            const size_t to = ((size_t)j * (size_t)np + (size_t)y) * (size_t)im->info.width + (size_t)i * (size_t)nt +
-                              (size_t)x;
+            const size_t to = ((size_t)j * (size_t)np + (size_t)y) * (size_t)im->info.width +
+                              (size_t)i * (size_t)nt + (size_t)x;
             im->pix[to] = room[from], sure[to] = room[n + from], error[to] = room[2 * n + from];
         }
     free(room);
     return 0;
 }
 
-static int write_picture(const char *path, const img *im, const float *sure, const float *error, const char *line,
-                         errmsg *e)
+static int write_picture(const char *path, const img *im, const float *sure, const float *error,
+                         const char *line, errmsg *e)
 {
     const img_plane planes[] = {{"confidence", sure, 1, IMG_HALF}, {"error", error, 1, IMG_HALF}};
     const img_attr attr = {.name = "comments", .kind = IMG_ATTR_STRING, .s = line};
-    const img_write_opts opts = {.type = IMG_FLOAT, .planes = planes, .nplanes = 2, .attrs = &attr, .nattrs = 1};
+    const img_write_opts opts = {
+        .type = IMG_FLOAT, .planes = planes, .nplanes = 2, .attrs = &attr, .nattrs = 1};
 
     return img_write(im, path, &opts, e);
 }
 
-int depthfile_write(const char *path, const depthmap *maps, int n, const views *s, const char *line, errmsg *e)
+int depthfile_write(const char *path, const depthmap *maps, int n, const views *s, const char *line,
+                    errmsg *e)
 {
     int nt = 0, np = 0, bad;
     img im;

@@ -12,6 +12,7 @@ void depthfile_fine(float *far, float *sure, float *error, const depthmap *m, co
 
 /* All maps in one picture, laid out as the light field is (panoramas below each other, as they came): Y distance, confidence, error.  Pictures
  * without a map are 0. */
-int depthfile_write(const char *path, const depthmap *maps, int n, const views *s, const char *line, errmsg *e);
+int depthfile_write(const char *path, const depthmap *maps, int n, const views *s, const char *line,
+                    errmsg *e);
 
 #endif

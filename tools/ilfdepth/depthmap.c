@@ -19,7 +19,7 @@ static int columns(const views *s)
     const double texel = fmax(2 * pi / v->nt, v->polar_max / v->np), cells = 4e5 / fmin(s->n, 64);
     const double most = sqrt(cells * 2 * pi / v->polar_max);
 
-    return (int)fmax(48, fmin(fmin(MOST_WIDTH, most), 2 * pi / (1.5 * texel))) / 8 * 8;
+    return (int)fmin(fmin(MOST_WIDTH, most), fmax(96, 2 * pi / (1.5 * texel))) / 8 * 8;
 }
 
 void sweep_plan_make(sweep_plan *p, const views *s, double near, int width)

@@ -18,23 +18,23 @@ typedef enum depth_from {
 } depth_from;
 
 typedef struct depthmap {
-    int view;                  /* number of the picture */
+    int view; /* number of the picture */
     int w, h;
-    float *near;               /* w*h: 1/distance */
-    float *free;               /* w*h: the same without the box */
-    float *sure;               /* w*h: 0 to 1: how likely the distance is right to a tenth */
-    float *error;              /* w*h: standard error of the nearness */
-    unsigned char *from;       /* w*h: depth_from */
-    int source[MOST_SOURCES];  /* pictures that it was compared with */
+    float *near;              /* w*h: 1/distance */
+    float *free;              /* w*h: the same without the box */
+    float *sure;              /* w*h: 0 to 1: how likely the distance is right to a tenth */
+    float *error;             /* w*h: standard error of the nearness */
+    unsigned char *from;      /* w*h: depth_from */
+    int source[MOST_SOURCES]; /* pictures that it was compared with */
     int sources;
-    double fit;                /* median difference of features where depth is as found */
+    double fit; /* median difference of features where depth is as found */
 } depthmap;
 
 typedef struct sweep_plan {
-    int w, h;           /* cells of a map */
-    int levels;         /* hypotheses a cell: nearness 0 to most, evenly */
-    double most;        /* nearness of the nearest */
-    const int *held;    /* per picture: 1: it is no source and no part of the surface; it judges */
+    int w, h;        /* cells of a map */
+    int levels;      /* hypotheses a cell: nearness 0 to most, evenly */
+    double most;     /* nearness of the nearest */
+    const int *held; /* per picture: 1: it is no source and no part of the surface; it judges */
 } sweep_plan;
 
 /* Choose a plan's numbers; near: the least distance looked for, 0: from the positions; width: columns of a map, 0: from

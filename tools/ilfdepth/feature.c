@@ -8,24 +8,41 @@
 
 static const double pi = 3.14159265358979323846;
 
-/* A picture's colour at (x, y), bilinear, over the seam and the pole. */
-static void bilinear(double rgb[3], const view *v, double x, double y)
+/* The texel (i, j), over the seam and the poles. */
+static const float *texel_at(const view *v, int i, int j)
 {
-    const double fx = floor(x - .5), fy = floor(y - .5), a = x - .5 - fx, b = y - .5 - fy;
+    if (j < 0) j = -1 - j, i += v->nt / 2;
+    if (j >= v->np && v->polar_max > .999 * pi) j = 2 * v->np - 1 - j, i += v->nt / 2;
+    j = j < 0 ? 0 : j >= v->np ? v->np - 1 : j;
+    i = ((i % v->nt) + v->nt) % v->nt;
+    return v->rgb + 3 * ((size_t)j * (size_t)v->nt + (size_t)i);
+}
 
+/* Catmull and Rom's weights: they blur less than linear ones, whose blur differs from picture to picture. */
+static void cubic_weights(double w[4], double a)
+{
+    w[0] = a * (-.5 + a * (1 - .5 * a)), w[1] = 1 + a * a * (-2.5 + 1.5 * a);
+    w[2] = a * (.5 + a * (2 - 1.5 * a)), w[3] = a * a * (-.5 + .5 * a);
+}
+
+/* A picture's colour at (x, y), cubic, but hardly more or less than the four texels round it. */
+static void colour(double rgb[3], const view *v, double x, double y)
+{
+    const double fx = floor(x - .5), fy = floor(y - .5);
+    double wx[4], wy[4], lo[3] = {1e300, 1e300, 1e300}, hi[3] = {-1e300, -1e300, -1e300};
+
+    cubic_weights(wx, x - .5 - fx), cubic_weights(wy, y - .5 - fy);
     rgb[0] = rgb[1] = rgb[2] = 0;
-    for (int k = 0; k < 4; k++) {
-        int i = (int)fx + (k & 1), j = (int)fy + (k >> 1);
-        const double w = (k & 1 ? a : 1 - a) * (k >> 1 ? b : 1 - b);
-        if (j < 0) j = 0, i += v->nt / 2;
-        if (j >= v->np) {
-            j = v->np - 1;
-            if (v->polar_max > .999 * pi) i += v->nt / 2;
+    for (int k = 0; k < 16; k++) {
+        const int a = k % 4, b = k / 4, near = (a == 1 || a == 2) && (b == 1 || b == 2);
+        const float *p = texel_at(v, (int)fx + a - 1, (int)fy + b - 1);
+        for (int c = 0; c < 3; c++) {
+            rgb[c] += wx[a] * wy[b] * (double)p[c];
+            if (near) lo[c] = fmin(lo[c], (double)p[c]), hi[c] = fmax(hi[c], (double)p[c]);
         }
-        i = ((i % v->nt) + v->nt) % v->nt;
-        const float *p = v->rgb + 3 * ((size_t)j * (size_t)v->nt + (size_t)i);
-        for (int c = 0; c < 3; c++) rgb[c] += w * (double)p[c];
     }
+    for (int c = 0; c < 3; c++)
+        rgb[c] = fmax(lo[c] - .1 * (hi[c] - lo[c]), fmin(hi[c] + .1 * (hi[c] - lo[c]), rgb[c]));
 }
 
 /* Direction of a place (p, q) of the octahedral map; both may lie somewhat beyond its square. */
@@ -46,11 +63,12 @@ static int cell_mean(double rgb[3], const view *v, int i, int j, int sub)
     rgb[0] = rgb[1] = rgb[2] = 0;
     for (int k = 0; k < sub * sub; k++) {
         double d[3], c[3];
-        octahedron(d, -1 + step * (i + (k % sub + .5) / sub - .5), -1 + step * (j + (k / sub + .5) / sub - .5));
+        octahedron(d, -1 + step * (i + (k % sub + .5) / sub - .5),
+                   -1 + step * (j + (k / sub + .5) / sub - .5));
         const double r = hypot(d[0], d[1]), polar = atan2(r, d[2]);
         if (polar > v->polar_max + 1.5 * step) continue;
-        bilinear(c, v, ((r > 0 ? atan2(d[1], d[0]) : 0) + pi) * v->nt / (2 * pi),
-                 fmin(polar, v->polar_max) * v->np / v->polar_max);
+        colour(c, v, ((r > 0 ? atan2(d[1], d[0]) : 0) + pi) * v->nt / (2 * pi),
+               fmin(polar, v->polar_max) * v->np / v->polar_max);
         for (int m = 0; m < 3; m++) rgb[m] += c[m];
         n++;
     }
@@ -137,7 +155,7 @@ int feature_make(views *s, double texel, errmsg *e)
     for (int k = 0; k < s->n; k++) {
         view *v = &s->v[k];
         const double native = fmax(2 * pi / v->nt, v->polar_max / v->np);
-        v->nodes = (int)fmin(1024, fmax(48, 4 / fmax(native, texel))) | 1;
+        v->nodes = (int)fmin(1024, fmax(48, 6 / fmax(native, texel))) | 1;
         v->feature = malloc((size_t)v->nodes * (size_t)v->nodes * 4 * sizeof *v->feature);
         if (!v->feature) return err_set(e, "no memory for %s's features", v->name);
         logarithms(v, dark);

@@ -59,12 +59,25 @@ static double one_ray(int own, const double d[3], const surface *f, const neighb
         all += (float)b[k].weight;
     }
     if (!(all > 0)) return -1;
-    const float miss = (fabsf(seen[0] - sum[0] / all) + fabsf(seen[1] - sum[1] / all) + fabsf(seen[2] - sum[2] / all)) / 3;
+    const float miss =
+        (fabsf(seen[0] - sum[0] / all) + fabsf(seen[1] - sum[1] / all) + fabsf(seen[2] - sum[2] / all)) / 3;
     return fmin(.5, (double)miss);
 }
 
+/* Does a ray meet a shell where a thing is marked? */
+static int on_thing(const shell *h, const double o[3], const double d[3])
+{
+    const double near = shell_near(h, o, d);
+    double x[3];
+
+    v3_add(x, o, 1 / fmax(near, 1e-9), d);
+    v3_add(x, x, -1, h->c);
+    return near > 0 && h->thing[shell_node(h, x)];
+}
+
 /* All rays of the held pictures; a ray's misses by all surfaces lie side by side, below 0 where it can't be told. */
-static int all_rays(double *miss, const surface *f, int n, const views *s, const int *held)
+static int all_rays(double *miss, const surface *f, int n, const shell *things, const views *s,
+                    const int *held)
 {
     const double golden = 2.399963229728653;
     int rays = 0;
@@ -78,7 +91,10 @@ static int all_rays(double *miss, const surface *f, int n, const views *s, const
         for (int k = 0; k < RAYS; k++) {
             const double z = low + (.98 - low) * (k + .5) / RAYS, q = sqrt(1 - z * z);
             const double d[3] = {q * cos(golden * k), q * sin(golden * k), z};
-            for (int i = 0; i < n; i++) miss[((size_t)rays + (size_t)k) * SURFACES + (size_t)i] = one_ray(v, d, &f[i], b, many, s);
+            const int skip = things && on_thing(things, s->v[v].at, d);
+            for (int i = 0; i < n; i++)
+                miss[((size_t)rays + (size_t)k) * SURFACES + (size_t)i] =
+                    skip ? -1 : one_ray(v, d, &f[i], b, many, s);
         }
         rays += RAYS;
     }
@@ -101,7 +117,8 @@ static double compare(double *se, const double *miss, int rays, int a, int b)
     return mean;
 }
 
-int judge_surfaces(verdict *v, const surface *f, int n, const views *s, const sweep_plan *p, errmsg *e)
+int judge_surfaces(verdict *v, const surface *f, int n, const shell *things, const views *s,
+                   const sweep_plan *p, errmsg *e)
 {
     int held = 0, best = 0;
 
@@ -112,7 +129,7 @@ int judge_surfaces(verdict *v, const surface *f, int n, const views *s, const sw
     if (!held) return 0;
     double *miss = malloc((size_t)held * RAYS * SURFACES * sizeof *miss), se;
     if (!miss) return err_set(e, "no memory to judge surfaces");
-    v->rays = all_rays(miss, f, n, s, p->held);
+    v->rays = all_rays(miss, f, n, things, s, p->held);
     for (int i = 0; i < n; i++) {
         double sum = 0;
         int many = 0;

@@ -18,9 +18,10 @@ typedef struct surface {
 } surface;
 
 typedef struct verdict {
-    int rays;                /* judged; 0: no pictures were held */
-    double error[SURFACES];  /* mean difference of features, below 0: not tried */
-    double better[SURFACES]; /* than the one before it that was best: mean difference over its standard error */
+    int rays;               /* judged; 0: no pictures were held */
+    double error[SURFACES]; /* mean difference of features, below 0: not tried */
+    double
+        better[SURFACES]; /* than the one before it that was best: mean difference over its standard error */
     surface_kind best;
 } verdict;
 
@@ -28,7 +29,9 @@ typedef struct verdict {
 double surface_near(const surface *f, const double o[3], const double d[3]);
 
 /* Predict held pictures as a renderer would: from the four nearest others, each looked up towards the point on the surface.  f: n surfaces, the simplest
- * first; a less simple one must be better by 3 % and by twice the standard error.  Without held pictures the first is best. */
-int judge_surfaces(verdict *v, const surface *f, int n, const views *s, const sweep_plan *p, errmsg *e);
+ * first; a less simple one must be better by 3 % and by twice the standard error.  Without held pictures the first is best.
+ * Rays that meet a thing marked in `things` (NULL: none) don't count. */
+int judge_surfaces(verdict *v, const surface *f, int n, const shell *things, const views *s,
+                   const sweep_plan *p, errmsg *e);
 
 #endif

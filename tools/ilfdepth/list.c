@@ -35,8 +35,8 @@ static int take_pixels(view *v, img *im, const char *file, errmsg *e)
     const int ch = im->info.channels, colours = ch >= 3 ? 3 : 1;
 
     if (im->info.width != 2 * im->info.height)
-        return err_set(e, "%s: expected a panorama twice as wide as high, found %d x %d", file, im->info.width,
-                       im->info.height);
+        return err_set(e, "%s: expected a panorama twice as wide as high, found %d x %d", file,
+                       im->info.width, im->info.height);
     img_linearise_srgb(im);
     v->nt = im->info.width, v->np = im->info.height, v->polar_max = pi;
     v->rgb = malloc((size_t)v->nt * (size_t)v->np * 3 * sizeof *v->rgb);
@@ -45,7 +45,8 @@ static int take_pixels(view *v, img *im, const char *file, errmsg *e)
         for (int x = 0; x < v->nt; x++)
             for (int c = 0; c < 3; c++)
                 v->rgb[3 * ((size_t)y * (size_t)v->nt + (size_t)(v->nt - 1 - x)) + (size_t)c] =
-                    im->pix[(size_t)ch * ((size_t)y * (size_t)v->nt + (size_t)x) + (size_t)(colours == 3 ? c : 0)];
+                    im->pix[(size_t)ch * ((size_t)y * (size_t)v->nt + (size_t)x) +
+                            (size_t)(colours == 3 ? c : 0)];
     return 0;
 }
 
@@ -71,8 +72,9 @@ static int one_line(view *v, char *line, const char *folder, const char *path, i
     if (*rest) *rest++ = 0;
     found = text_numbers(n, 6, rest);
     if (found < 4 || found > 6)
-        return err_set(e, "%s:%d: expected a picture, x y z and heading, maybe pitch and roll, found \"%s %.100s\"",
-                       path, number, line, rest);
+        return err_set(
+            e, "%s:%d: expected a picture, x y z and heading, maybe pitch and roll, found \"%s %.100s\"",
+            path, number, line, rest);
     snprintf(v->name, sizeof v->name, "%.250s", line);
     memcpy(v->at, n, sizeof v->at);
     turn(v, n[3], n[4], n[5]);

@@ -57,7 +57,7 @@ static int is_seen(const double p[3], const depthmap *maps, int n, const views *
         const int cell = depthmap_cell(&maps[k], s, e);
         if (cell < 0) continue;
         const double q = (double)maps[k].near[cell] * v3_len(e);
-        could++, did += fabs(q - 1) < .05 && (maps[k].from[cell] == DEPTH_BOX || maps[k].sure[cell] > .5f);
+        could++, did += fabs(q - 1) < .1 && (maps[k].from[cell] == DEPTH_BOX || maps[k].sure[cell] > .5f);
     }
     return could > 0 && did >= .25 * could;
 }
@@ -157,8 +157,8 @@ static void close_below(mesh *m, const shell *h, int last, const views *s)
     }
     for (int x = 0; x < C; x++) {
         const int x1 = (x + 1) % C;
-        four(m, last + x, first + x, first + x1, last + x1);
-        triangle(m, first + x, first + C, first + x1);
+        four(m, last + x, last + x1, first + x1, first + x);
+        triangle(m, first + x, first + x1, first + C);
     }
 }
 
@@ -170,17 +170,17 @@ static int of_shell(mesh *m, const shell *h, const views *s, errmsg *e)
     shell_vertex(&m->v[m->n++], h, 0, 0, s);
     for (int y = 1; y <= rings; y++)
         for (int x = 0; x < C; x++) shell_vertex(&m->v[m->n++], h, x, y, s);
-    for (int x = 0; x < C; x++) triangle(m, 0, 1 + x, 1 + (x + 1) % C);
+    for (int x = 0; x < C; x++) triangle(m, 0, 1 + (x + 1) % C, 1 + x);
     for (int y = 1; y < rings; y++)
         for (int x = 0; x < C; x++) {
             const int a = 1 + (y - 1) * C, x1 = (x + 1) % C;
-            four(m, a + x, a + C + x, a + C + x1, a + x1);
+            four(m, a + x, a + x1, a + C + x1, a + C + x);
         }
     const int last = 1 + (rings - 1) * C;
     if (!whole) close_below(m, h, last, s);
     else {
         shell_vertex(&m->v[m->n], h, 0, h->rows - 1, s);
-        for (int x = 0; x < C; x++) triangle(m, last + x, m->n, last + (x + 1) % C);
+        for (int x = 0; x < C; x++) triangle(m, last + x, last + (x + 1) % C, m->n);
         m->n++;
     }
     return 0;

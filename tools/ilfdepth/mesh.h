@@ -7,9 +7,9 @@
 #include "judge.h"
 
 typedef struct corner3 {
-    double at[3];  /* scene's coordinates */
-    double error;  /* standard error of its distance, as part of it */
-    int closed;    /* 1: no picture tells; it is what closes the mesh */
+    double at[3]; /* scene's coordinates */
+    double error; /* standard error of its distance, as part of it */
+    int closed;   /* 1: no picture tells; it is what closes the mesh */
 } corner3;
 
 typedef struct mesh {

@@ -23,8 +23,10 @@ int meshfile_obj(const char *path, const mesh *m, const char *line, errmsg *e)
 
     if (out_begin(&out, path, e)) return -1;
     FILE *o = out_stream(out);
-    fprintf(o, "# %s\n# vt: relative standard error of a vertex's distance, and 1 where no picture tells\n", line);
-    for (int k = 0; k < m->n; k++) fprintf(o, "v %.9g %.9g %.9g\n", m->v[k].at[0], m->v[k].at[1], m->v[k].at[2]);
+    fprintf(o, "# %s\n# vt: relative standard error of a vertex's distance, and 1 where no picture tells\n",
+            line);
+    for (int k = 0; k < m->n; k++)
+        fprintf(o, "v %.9g %.9g %.9g\n", m->v[k].at[0], m->v[k].at[1], m->v[k].at[2]);
     for (int k = 0; k < m->n; k++) fprintf(o, "vt %.4g %d\n", m->v[k].error, m->v[k].closed);
     group(o, m, 0), group(o, m, 1);
     return out_commit(out, e);
@@ -38,7 +40,8 @@ int meshfile_rad(const char *path, const mesh *m, const char *field, const char 
     FILE *o = out_stream(out);
     fprintf(o, "# %s\n\nvoid ilf surroundings\n1 %s\n0\n0\n", line, field);
     for (int k = 0; k < m->triangles; k++) {
-        fprintf(o, "\nsurroundings polygon %s.%d\n0\n0\n9\n", mesh_is_closed(m, k) ? "closed" : "measured", k);
+        fprintf(o, "\nsurroundings polygon %s.%d\n0\n0\n9\n", mesh_is_closed(m, k) ? "closed" : "measured",
+                k);
         for (int c = 0; c < 3; c++) {
             const double *p = m->v[m->t[k][c]].at;
             fprintf(o, "\t%.9g %.9g %.9g\n", p[0], p[1], p[2]);

@@ -14,7 +14,8 @@ static void dot(img *im, int x, int y, double r, double g, double b)
 {
     float *p = im->pix + 3 * ((size_t)y * (size_t)im->info.width + (size_t)x);
 
-    p[0] = (float)(255 * fmax(0, fmin(1, r))), p[1] = (float)(255 * fmax(0, fmin(1, g))), p[2] = (float)(255 * fmax(0, fmin(1, b)));
+    p[0] = (float)(255 * fmax(0, fmin(1, r))), p[1] = (float)(255 * fmax(0, fmin(1, g))),
+    p[2] = (float)(255 * fmax(0, fmin(1, b)));
 }
 
 /* Red, yellow, green, blue from 0 to 1. */
@@ -67,7 +68,8 @@ int picture_write(const char *path, const process *q, errmsg *e)
     for (size_t k = 0; k < (size_t)im.info.width * (size_t)im.info.height * 3; k++) im.pix[k] = 24;
     for (int k = 0; k < q->p.w * q->p.h; k++) most = fmax(most, (double)q->maps[0].near[k]);
     for (int k = 0; k < rows; k++)
-        one_row(&im, GAP + k * (q->p.h + GAP), &q->maps[rows > 1 ? k * (q->s.n - 1) / (rows - 1) : 0], &q->s, fmin(q->p.most, most));
+        one_row(&im, GAP + k * (q->p.h + GAP), &q->maps[rows > 1 ? k * (q->s.n - 1) / (rows - 1) : 0], &q->s,
+                fmin(q->p.most, most));
     im.info.coded = 1, im.info.max_code = 255;
     const int bad = img_write(&im, path, NULL, e);
     img_free(&im);

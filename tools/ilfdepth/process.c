@@ -74,7 +74,7 @@ static void find_things(process *q)
     free(far);
 }
 
-static int surfaces(process *q, int asked, errmsg *e)
+static int surfaces(process *q, const process_plan *plan, errmsg *e)
 {
     surface f[SURFACES];
     int n = 0;
@@ -82,14 +82,21 @@ static int surfaces(process *q, int asked, errmsg *e)
     if (shell_fuse(&q->free, q->maps, q->s.n, 1, &q->s, &q->p, e)) return -1;
     if (q->b.fitted) {
         if (shell_fuse(&q->mixed, q->maps, q->s.n, 0, &q->s, &q->p, e)) return -1;
+        if (!plan->things) {
+            if (shell_mark_things(&q->mixed, &q->b, e)) return -1;
+            shell_drop_things(&q->free, &q->mixed, &q->b);
+        }
         f[n++] = (surface){SURFACE_BOX, &q->b, NULL}, f[n++] = (surface){SURFACE_MIXED, NULL, &q->mixed};
     }
     f[n++] = (surface){SURFACE_FREE, NULL, &q->free}, f[n++] = (surface){SURFACE_FAR, NULL, NULL};
-    if (judge_surfaces(&q->v, f, n, &q->s, &q->p, e)) return -1;
-    if (asked >= 0) q->v.best = (surface_kind)asked;
+    if (judge_surfaces(&q->v, f, n, q->b.fitted && !plan->things ? &q->mixed : NULL, &q->s, &q->p, e))
+        return -1;
+    if (q->b.fitted && !plan->things) shell_drop_things(&q->mixed, &q->mixed, &q->b);
+    if (plan->asked >= 0) q->v.best = (surface_kind)plan->asked;
     for (int k = 0; k < n; k++)
         if (f[k].kind == q->v.best) return mesh_make(&q->m, &f[k], q->maps, q->s.n, &q->s, e);
-    return err_set(e, "expected a room that is about a box for --surface %s, found none", judge_names[q->v.best]);
+    return err_set(e, "expected a room that is about a box for --surface %s, found none",
+                   judge_names[q->v.best]);
 }
 
 int process_run(process *q, const process_plan *plan, errmsg *e)
@@ -101,12 +108,13 @@ int process_run(process *q, const process_plan *plan, errmsg *e)
     if (!q->held || !q->maps) return err_set(e, "no memory");
     q->p.held = q->held;
     hold(q);
-    if (feature_make(&q->s, pi / q->p.w, e) || sweeps(q, e) || box_fit(&q->b, q->maps, q->s.n, &q->s, &q->p, e))
+    if (feature_make(&q->s, pi / q->p.w, e) || sweeps(q, e) ||
+        box_fit(&q->b, q->maps, q->s.n, &q->s, &q->p, e))
         return -1;
     if (q->b.fitted && box_compete(q->maps, q->s.n, &q->b, &q->s, &q->p, e)) return -1;
     agree_maps(q->maps, q->s.n, &q->s);
     if (q->b.fitted) find_things(q);
-    const int bad = surfaces(q, plan->asked, e);
+    const int bad = surfaces(q, plan, e);
     q->cpu_s = (double)(clock() - from) / CLOCKS_PER_SEC;
     return bad;
 }

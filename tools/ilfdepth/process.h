@@ -16,7 +16,8 @@ typedef struct process {
     shell mixed, free;
     verdict v;
     mesh m;
-    double things, thing; /* share of solid angle where something stands before the box, and the nearest such distance (5 %) */
+    double things,
+        thing; /* share of solid angle where something stands before the box, and the nearest such distance (5 %) */
     double cpu_s;
 } process;
 
@@ -24,6 +25,7 @@ typedef struct process_plan {
     double near; /* 0: from the positions */
     int width;   /* 0: from the pictures */
     int asked;   /* surface_kind, or -1: as judged */
+    int things;  /* 1: things that hang in the room stay in the surface */
 } process_plan;
 
 /* Sweep and fit; q->s is read before.  *q is the caller's until process_free, also on failure. */

@@ -13,7 +13,8 @@
 static const float BEND = .02f;
 enum { ROUNDS = 4, SOLVES = 60 };
 
-void refine_linearise(equation *q, const sweep *w, const float d[3], const float f[4], float r, float delta, float scale)
+void refine_linearise(equation *q, const sweep *w, const float d[3], const float f[4], float r, float delta,
+                      float scale)
 {
     q->a = q->b = 0;
     for (int j = 0; j < w->m->sources; j++) {
@@ -50,7 +51,8 @@ static float expected(float *strength, const grid *g, const float *near, int x, 
 {
     const int W = g->w->m->w, H = g->w->m->h, k = y * W + x;
     const float left = near[y * W + (x + W - 1) % W], right = near[y * W + (x + 1) % W], own = near[k];
-    const float up = y > 0 ? near[k - W] : near[y * W + (x + W / 2) % W], down = y + 1 < H ? near[k + W] : own;
+    const float up = y > 0 ? near[k - W] : near[y * W + (x + W / 2) % W],
+                down = y + 1 < H ? near[k + W] : own;
     const float wh = g->wt * bond(left, own) * bond(right, own),
                 wv = y + 1 < H ? bond(up, own) * bond(down, own) : 0;
 
@@ -69,7 +71,8 @@ static void solve(const sweep *w, const equation *q, const float *at, float *nea
             const int k = n & 1 ? W * H - 1 - i : i, x = k % W, y = k / W;
             const float s = sinf(polar * ((float)y + .5f));
             /* steps round a small circle are shorter, and bend: a pair round tells less about a plane */
-            const grid g = {w, 1 - (1 - cosf(turn)) * s * s, cosf(polar), fminf(1, polar / (turn * s + 1e-6f))};
+            const grid g = {w, 1 - (1 - cosf(turn)) * s * s, cosf(polar),
+                            fminf(1, polar / (turn * s + 1e-6f))};
             float strength;
             const float e = expected(&strength, &g, near, x, y), c = stiff * strength;
             near[k] = fmaxf(0, (q[k].a * at[k] + q[k].b + c * e) / (q[k].a + c + 1e-12f));
@@ -116,7 +119,8 @@ int refine_map(sweep *w, errmsg *e)
         const float delta = round ? .25f * step : .5f * step, scale = 3 * w->noise;
         for (int k = 0; k < n; k++) {
             at[k] = near[k];
-            if (w->feature[k][0] > -1e3f) refine_linearise(&q[k], w, w->dir[k], w->feature[k], near[k], delta, scale);
+            if (w->feature[k][0] > -1e3f)
+                refine_linearise(&q[k], w, w->dir[k], w->feature[k], near[k], delta, scale);
             else q[k].a = q[k].b = 0;
             /* no farther than a level at once */
             q[k].b = fmaxf(-step * q[k].a, fminf(step * q[k].a, q[k].b));
@@ -124,8 +128,7 @@ int refine_map(sweep *w, errmsg *e)
         solve(w, q, at, near, stiffness(w, q, w->sum, n));
     }
     const float stiff = stiffness(w, q, w->sum, n);
-    for (int k = 0; k < n; k++)
-        w->m->error[k] = w->noise / sqrtf(q[k].a + .5f * stiff + 1e-12f);
+    for (int k = 0; k < n; k++) w->m->error[k] = w->noise / sqrtf(q[k].a + .5f * stiff + 1e-12f);
     free(q), free(at);
     return 0;
 }

@@ -108,11 +108,12 @@ static void the_box(FILE *o, const process *q)
     place(o, "x", &q->s, b->axis[0], 0), fprintf(o, ", ");
     place(o, "y", &q->s, b->axis[1], 0), fprintf(o, ", ");
     place(o, "z", &q->s, b->axis[2], 0);
-    fprintf(o, ",\n    \"explains\": %.4f, \"things_before_it\": %.4f, \"nearest_thing\": %.4g, \"sides\": [\n",
+    fprintf(o,
+            ",\n    \"explains\": %.4f, \"things_before_it\": %.4f, \"nearest_thing\": %.4g, \"sides\": [\n",
             b->explains, q->things, q->thing);
     for (int k = 0; k < 6; k++) {
-        fprintf(o, "      {\"side\": \"%s\", \"seen\": %s, \"distance\": %.6g, ", SIDES[k], b->seen[k] ? "true" : "false",
-                b->side[k]);
+        fprintf(o, "      {\"side\": \"%s\", \"seen\": %s, \"distance\": %.6g, ", SIDES[k],
+                b->seen[k] ? "true" : "false", b->side[k]);
         if (b->error[k] > 0) fprintf(o, "\"error\": %.3g}%s\n", b->error[k], k < 5 ? "," : "");
         else fprintf(o, "\"error\": null}%s\n", k < 5 ? "," : "");
     }
@@ -121,7 +122,8 @@ static void the_box(FILE *o, const process *q)
 
 static void the_verdict(FILE *o, const process *q)
 {
-    fprintf(o, "  \"surface\": \"%s\", \"judged_by_rays\": %d, \"held_out_error\": {", judge_names[q->v.best], q->v.rays);
+    fprintf(o, "  \"surface\": \"%s\", \"judged_by_rays\": %d, \"held_out_error\": {", judge_names[q->v.best],
+            q->v.rays);
     for (int k = 0, n = 0; k < SURFACES; k++)
         if (q->v.error[k] >= 0) fprintf(o, "%s\"%s\": %.5f", n++ ? ", " : "", judge_names[k], q->v.error[k]);
     fprintf(o, "},\n");
@@ -138,16 +140,20 @@ static void regions(FILE *o, const process *q)
         double all = 1e-30, closed = 0, sum = 0, far = 0;
         for (int k = 0; k < q->m.triangles; k++) {
             double p[3], error;
-            const double sr = seen_from_middle(p, &error, &q->m, k, &q->s), up = atan2(p[2], hypot(p[0], p[1]));
+            const double sr = seen_from_middle(p, &error, &q->m, k, &q->s),
+                         up = atan2(p[2], hypot(p[0], p[1]));
             if ((int)fmin(SECTORS - 1, (atan2(p[1], p[0]) + pi) / (2 * pi) * SECTORS) != sector || up < low ||
                 (int)fmin(BANDS - 1, (up - low) / (high - low) * BANDS) != band)
                 continue;
             all += sr, closed += mesh_is_closed(&q->m, k) ? sr : 0, sum += sr * error, far += sr * v3_len(p);
         }
-        fprintf(o, "    {\"azimuth\": [%g, %g], \"elevation\": [%g, %g], \"distance\": %.4g, \"error\": %.3g, \"closed\": %.3f}%s\n",
+        fprintf(o,
+                "    {\"azimuth\": [%g, %g], \"elevation\": [%g, %g], \"distance\": %.4g, \"error\": %.3g, "
+                "\"closed\": %.3f}%s\n",
                 sector * 360. / SECTORS - 180, (sector + 1) * 360. / SECTORS - 180,
-                180 / pi * (low + (high - low) * band / BANDS), 180 / pi * (low + (high - low) * (band + 1) / BANDS),
-                far / all, sum / all, closed / all, r + 1 < SECTORS * BANDS ? "," : "");
+                180 / pi * (low + (high - low) * band / BANDS),
+                180 / pi * (low + (high - low) * (band + 1) / BANDS), far / all, sum / all, closed / all,
+                r + 1 < SECTORS * BANDS ? "," : "");
     }
     fprintf(o, "  ],\n");
 }
@@ -163,8 +169,9 @@ static void the_maps(FILE *o, const process *q)
         fprintf(o, "    {\"name\": ");
         text(o, q->s.v[k].name), fprintf(o, ", ");
         place(o, "position", &q->s, q->s.v[k].at, 1);
-        fprintf(o, ", \"judges\": %s, \"misfit\": %.4g, \"sure\": %.3f, \"box\": %.3f}%s\n", q->held[k] ? "true" : "false",
-                m->fit, sure / (m->w * m->h), (double)by_box / (m->w * m->h), k + 1 < q->s.n ? "," : "");
+        fprintf(o, ", \"judges\": %s, \"misfit\": %.4g, \"sure\": %.3f, \"box\": %.3f}%s\n",
+                q->held[k] ? "true" : "false", m->fit, sure / (m->w * m->h), (double)by_box / (m->w * m->h),
+                k + 1 < q->s.n ? "," : "");
     }
     fprintf(o, "  ]\n");
 }
@@ -179,10 +186,14 @@ int report_write(const char *path, const char *input, const process *q, errmsg *
     report_certainty(&c, &q->m, &q->s);
     fprintf(o, "{\n  \"input\": ");
     text(o, input);
-    fprintf(o, ",\n  \"cells\": [%d, %d], \"levels\": %d, \"nearest_looked_for\": %.4g, \"baseline\": %.4g, \"cpu_s\": %.2f,\n",
+    fprintf(o,
+            ",\n  \"cells\": [%d, %d], \"levels\": %d, \"nearest_looked_for\": %.4g, \"baseline\": %.4g, "
+            "\"cpu_s\": %.2f,\n",
             q->p.w, q->p.h, q->p.levels, 1 / q->p.most, q->s.size, q->cpu_s);
     the_verdict(o, q), the_box(o, q);
-    fprintf(o, "  \"mesh\": {\"vertices\": %d, \"triangles\": %d, \"measured\": %.4f, \"error_median\": %.4g, \"error_90\": %.4g},\n",
+    fprintf(o,
+            "  \"mesh\": {\"vertices\": %d, \"triangles\": %d, \"measured\": %.4f, \"error_median\": %.4g, "
+            "\"error_90\": %.4g},\n",
             q->m.n, q->m.triangles, c.measured, c.median, c.most);
     regions(o, q), the_maps(o, q);
     fprintf(o, "}\n");

@@ -13,7 +13,7 @@ enum { COLUMNS = 96, STEPS = 48 };
 
 void shell_free(shell *h)
 {
-    free(h->near), free(h->error), free(h->closed);
+    free(h->near), free(h->error), free(h->closed), free(h->thing);
     memset(h, 0, sizeof *h);
 }
 
@@ -25,8 +25,8 @@ void shell_direction(double d[3], const shell *h, int column, int row)
 }
 
 /* Where a ray from the middle first is behind what a map shows: its nearness from the middle, or -1. */
-static double meets(int *cell, const double d[3], const shell *h, const depthmap *m, const float *near, const views *s,
-                    double most)
+static double meets(int *cell, const double d[3], const shell *h, const depthmap *m, const float *near,
+                    const views *s, double most)
 {
     double last = most * 1.5, last_in = -1;
 
@@ -59,7 +59,8 @@ static int compare(const void *a, const void *b)
 }
 
 /* The median of what the maps tell of a node, and how far the middle half of them differ. */
-static void one_node(shell *h, int node, tell *t, const depthmap *maps, int n, int swept, const views *s, const sweep_plan *p)
+static void one_node(shell *h, int node, tell *t, const depthmap *maps, int n, int swept, const views *s,
+                     const sweep_plan *p)
 {
     double d[3];
     int many = 0, could = 0;
@@ -106,7 +107,8 @@ static void close_holes(shell *h)
         for (int k = 0; k < n; k++) {
             if (!h->closed[k]) continue;
             h->near[k] = mean_beside(h, h->near, k % h->columns, k / h->columns);
-            h->error[k] = fminf(h->near[k], mean_beside(h, h->error, k % h->columns, k / h->columns) + .02f * h->near[k]);
+            h->error[k] = fminf(h->near[k],
+                                mean_beside(h, h->error, k % h->columns, k / h->columns) + .02f * h->near[k]);
         }
 }
 
@@ -145,19 +147,22 @@ static void join_poles(shell *h)
     }
 }
 
-int shell_fuse(shell *h, const depthmap *maps, int n, int swept, const views *s, const sweep_plan *p, errmsg *e)
+int shell_fuse(shell *h, const depthmap *maps, int n, int swept, const views *s, const sweep_plan *p,
+               errmsg *e)
 {
     memset(h, 0, sizeof *h);
     memcpy(h->c, s->centre, sizeof h->c);
     h->polar_max = s->below ? pi : pi / 2;
     h->columns = COLUMNS, h->rows = COLUMNS / (s->below ? 2 : 4) + 1;
     const size_t all = (size_t)h->columns * (size_t)h->rows;
-    h->near = calloc(all, sizeof *h->near), h->error = calloc(all, sizeof *h->error), h->closed = calloc(all, 1);
-    int bad = h->near && h->error && h->closed ? 0 : -1;
+    h->near = calloc(all, sizeof *h->near), h->error = calloc(all, sizeof *h->error),
+    h->closed = calloc(all, 1), h->thing = calloc(all, 1);
+    int bad = h->near && h->error && h->closed && h->thing ? 0 : -1;
 #pragma omp parallel for schedule(dynamic, 1)
     for (int y = 0; y < h->rows; y++) {
         tell *t = malloc((size_t)n * sizeof *t);
-        for (int x = 0; x < h->columns && t && !bad; x++) one_node(h, y * h->columns + x, t, maps, n, swept, s, p);
+        for (int x = 0; x < h->columns && t && !bad; x++)
+            one_node(h, y * h->columns + x, t, maps, n, swept, s, p);
         if (!t) bad = -1;
         free(t);
     }
@@ -177,7 +182,8 @@ static double look(const shell *h, const double d[3])
     const int i = (int)x % h->columns, i1 = (i + 1) % h->columns;
     const float *p = h->near + (int)y * h->columns, *q = p + h->columns;
 
-    return (1 - b) * ((1 - a) * (double)p[i] + a * (double)p[i1]) + b * ((1 - a) * (double)q[i] + a * (double)q[i1]);
+    return (1 - b) * ((1 - a) * (double)p[i] + a * (double)p[i1]) +
+           b * ((1 - a) * (double)q[i] + a * (double)q[i1]);
 }
 
 /* How far a point is beyond the shell, as part of the shell's distance; below 0: within. */
@@ -210,4 +216,12 @@ double shell_near(const shell *h, const double o[3], const double d[3])
         return out;
     }
     return 0;
+}
+
+int shell_node(const shell *h, const double d[3])
+{
+    const double r = hypot(d[0], d[1]), x = ((r > 0 ? atan2(d[1], d[0]) : 0) + pi) / (2 * pi) * h->columns,
+                 y = fmin(atan2(r, d[2]) / h->polar_max * (h->rows - 1), h->rows - 1);
+
+    return (int)(y + .5) * h->columns + (int)(x + .5) % h->columns;
 }

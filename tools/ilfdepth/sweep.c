@@ -95,7 +95,8 @@ float sweep_cost(const sweep *w, const float d[3], const float f[4], float r)
     for (int g = 0; g < groups; g++) {
         float sum = 0;
         int n = 0;
-        for (int k = g * all / groups; k < (g + 1) * all / groups; k++) sum += one_source(&w->source[k], d, f, r, &n);
+        for (int k = g * all / groups; k < (g + 1) * all / groups; k++)
+            sum += one_source(&w->source[k], d, f, r, &n);
         const float mean = n ? sum / (float)n : BOUND;
         if (mean < best) second = best, best = mean;
         else if (mean < second) second = mean;

@@ -43,7 +43,8 @@ int paths_sum(sweep *w, errmsg *e);
 typedef struct equation {
     float a, b;
 } equation;
-void refine_linearise(equation *q, const sweep *w, const float d[3], const float f[4], float r, float delta, float scale);
+void refine_linearise(equation *q, const sweep *w, const float d[3], const float f[4], float r, float delta,
+                      float scale);
 
 /* From the best level to a nearness between levels: linearised differences, and smoothness where there is nothing to
  * see.  Fills near and error. */

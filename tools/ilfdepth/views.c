@@ -57,7 +57,8 @@ static int named_probes(views *s, const char *chosen, char *take, errmsg *e)
     for (const char *p = chosen; *p;) {
         int i, j, used = 0;
         if (sscanf(p, " %d,%d%n", &i, &j, &used) < 2 || !used || i < 0 || j < 0 || i >= s->nu || j >= s->nv)
-            return err_set(e, "--probes: expected I,J within the grid of %d x %d, found \"%.40s\"", s->nu, s->nv, p);
+            return err_set(e, "--probes: expected I,J within the grid of %d x %d, found \"%.40s\"", s->nu,
+                           s->nv, p);
         take[j * s->nu + i] = 1;
         for (p += used; *p == ' ';) p++;
     }
@@ -101,7 +102,8 @@ static int take_probes(views *s, const char *chosen, errmsg *e)
     int bad;
 
     s->v = calloc((size_t)all, sizeof *s->v);
-    bad = take && s->v ? choose_probes(s, chosen, take, e) : err_set(e, "%s: no memory", ilf_get_path(s->file));
+    bad =
+        take && s->v ? choose_probes(s, chosen, take, e) : err_set(e, "%s: no memory", ilf_get_path(s->file));
     for (int k = 0; k < all && !bad; k++) {
         if (!take[k]) continue;
         s->v[s->n].slot = k;
@@ -129,7 +131,8 @@ int views_of_field(views *s, const char *path, const char *chosen, errmsg *e)
     measure(s);
     s->reach = hypot(f->len_u, f->len_v) / 2;
     for (int c = 0; c < 3; c++)
-        s->origin[c] = f->origin[c], s->axes[0][c] = f->u[c], s->axes[1][c] = f->v[c], s->axes[2][c] = f->n[c];
+        s->origin[c] = f->origin[c], s->axes[0][c] = f->u[c], s->axes[1][c] = f->v[c],
+        s->axes[2][c] = f->n[c];
     s->lamps = ilf_get_luminaires(&s->n_lamps, s->file);
     return 0;
 }

@@ -26,14 +26,15 @@ typedef struct view {
 typedef struct views {
     view *v;
     int n;
-    int nu, nv;          /* a field's grid; of panoramas 1 and n */
-    int mirrored;        /* 1: pictures came with columns from left to right (panoramas), and go out so */
-    double centre[3];    /* of the positions */
-    double size;         /* the largest distance between two of them */
-    double reach;        /* of a field: half its rectangle's diagonal; else half of size */
-    int below;           /* 1: pictures show what is below the horizon, too */
-    double origin[3], axes[3][3]; /* working coordinates in the scene's: origin + x axes[0] + y axes[1] + z axes[2] */
-    const ilf_luminaire *lamps;   /* that were taken out, owned by file */
+    int nu, nv;       /* a field's grid; of panoramas 1 and n */
+    int mirrored;     /* 1: pictures came with columns from left to right (panoramas), and go out so */
+    double centre[3]; /* of the positions */
+    double size;      /* the largest distance between two of them */
+    double reach;     /* of a field: half its rectangle's diagonal; else half of size */
+    int below;        /* 1: pictures show what is below the horizon, too */
+    double origin[3],
+        axes[3][3]; /* working coordinates in the scene's: origin + x axes[0] + y axes[1] + z axes[2] */
+    const ilf_luminaire *lamps; /* that were taken out, owned by file */
     int n_lamps;
     ilf *file; /* of a field, open; else NULL */
 } views;
