@@ -8,7 +8,7 @@
 
 #include "vec3.h"
 
-enum { PARTS = 12, ALONG = PARTS + 1 };
+enum { PARTS = 16, ALONG = PARTS + 1 };
 
 void mesh_free(mesh *m)
 {

@@ -92,6 +92,7 @@ static int surfaces(process *q, const process_plan *plan, errmsg *e)
     if (judge_surfaces(&q->v, f, n, q->b.fitted && !plan->things ? &q->mixed : NULL, &q->s, &q->p, e))
         return -1;
     if (q->b.fitted && !plan->things) shell_drop_things(&q->mixed, &q->mixed, &q->b);
+    if (!q->v.rays && q->b.fitted && q->b.explains < .7) q->v.best = SURFACE_MIXED;
     if (plan->asked >= 0) q->v.best = (surface_kind)plan->asked;
     for (int k = 0; k < n; k++)
         if (f[k].kind == q->v.best) return mesh_make(&q->m, &f[k], q->maps, q->s.n, &q->s, e);
