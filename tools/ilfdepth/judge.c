@@ -44,9 +44,8 @@ static int neighbours(neighbour b[NEIGHBOURS], int own, const views *s, const in
 }
 
 /* Difference of what is predicted and seen, in the logarithms of colours; below 0: can't be told. */
-static double one_ray(int own, const double d[3], const surface *f, const neighbour *b, int n, const views *s)
+static double one_ray(int own, const double d[3], double r, const neighbour *b, int n, const views *s)
 {
-    const double r = surface_near(f, s->v[own].at, d);
     const float e0[3] = {(float)d[0], (float)d[1], (float)d[2]};
     float seen[4], sum[3] = {0}, all = 0;
 
@@ -75,26 +74,30 @@ static int on_thing(const shell *h, const double o[3], const double d[3])
     return near > 0 && h->thing[shell_node(h, x)];
 }
 
-/* All rays of the held pictures; a ray's misses by all surfaces lie side by side, below 0 where it can't be told. */
+/* All rays of the held pictures; a ray's misses by all surfaces lie side by side, below 0 where it can't be told:
+ * at things, and where a surface is nearer than was looked for. */
 static int all_rays(double *miss, const surface *f, int n, const shell *things, const views *s,
-                    const int *held)
+                    const sweep_plan *p)
 {
     const double golden = 2.399963229728653;
     int rays = 0;
 
     for (int v = 0; v < s->n; v++) {
         neighbour b[NEIGHBOURS];
-        if (!held[v]) continue;
-        const int many = neighbours(b, v, s, held);
+        if (!p->held[v]) continue;
+        const int many = neighbours(b, v, s, p->held);
         const double low = s->below ? -.98 : .02;
 #pragma omp parallel for schedule(static)
         for (int k = 0; k < RAYS; k++) {
             const double z = low + (.98 - low) * (k + .5) / RAYS, q = sqrt(1 - z * z);
             const double d[3] = {q * cos(golden * k), q * sin(golden * k), z};
-            const int skip = things && on_thing(things, s->v[v].at, d);
+            double r[SURFACES];
+            int skip = things && on_thing(things, s->v[v].at, d);
+            for (int i = 0; i < n; i++)
+                r[i] = surface_near(&f[i], s->v[v].at, d), skip |= r[i] > .95 * p->most;
             for (int i = 0; i < n; i++)
                 miss[((size_t)rays + (size_t)k) * SURFACES + (size_t)i] =
-                    skip ? -1 : one_ray(v, d, &f[i], b, many, s);
+                    skip ? -1 : one_ray(v, d, r[i], b, many, s);
         }
         rays += RAYS;
     }
@@ -129,7 +132,7 @@ int judge_surfaces(verdict *v, const surface *f, int n, const shell *things, con
     if (!held) return 0;
     double *miss = malloc((size_t)held * RAYS * SURFACES * sizeof *miss), se;
     if (!miss) return err_set(e, "no memory to judge surfaces");
-    v->rays = all_rays(miss, f, n, things, s, p->held);
+    v->rays = all_rays(miss, f, n, things, s, p);
     for (int i = 0; i < n; i++) {
         double sum = 0;
         int many = 0;
