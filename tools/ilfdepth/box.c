@@ -11,7 +11,7 @@
 #include "vec3.h"
 
 static const double pi = 3.14159265358979323846;
-enum { MOST_POINTS = 6000, TURNS = 9 };
+enum { MOST_POINTS = 2500, TURNS = 9 };
 
 double box_near(const box *b, const double o[3], const double d[3])
 {
