@@ -28,7 +28,8 @@ typedef struct verdict {
 /* Nearness of a surface along a direction (unit) from o. */
 double surface_near(const surface *f, const double o[3], const double d[3]);
 
-/* Predict held pictures as a renderer would: from the four nearest others, each looked up towards the point on the surface.  f: n surfaces, the simplest
+/* Predict held pictures as a renderer would: from the four nearest others, each looked up towards the point on the
+ * surface.  f: n surfaces, the simplest
  * first; a less simple one must be better by 3 % and by twice the standard error.  Without held pictures the first is best.
  * Rays that meet a thing marked in `things` (NULL: none) don't count. */
 int judge_surfaces(verdict *v, const surface *f, int n, const shell *things, const views *s,

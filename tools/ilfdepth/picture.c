@@ -52,24 +52,32 @@ static void one_row(img *im, int y0, const depthmap *m, const views *s, double m
         if (feature_look(f, &s->v[m->view], e))
             for (int i = 0; i < 3; i++) c[i] = 1 / (1 + exp(mean - (double)f[i]));
         dot(im, GAP + x, y, c[0], c[1], c[2]);
-        rainbow(im, 2 * GAP + m->w + x, y, 1 - (double)m->near[k] / most);
+        rainbow(im, 2 * GAP + m->w + x, y, fmax(0, 1 - (double)m->near[k] / most));
         const double sure = (double)m->sure[k];
         dot(im, 3 * GAP + 2 * m->w + x, y, sure, sure, sure);
     }
 }
 
+/* About the usual nearness of a map: what is three times as near is all red. */
+static double usual(const depthmap *m)
+{
+    double sum = 1e-30;
+
+    for (int k = 0; k < m->w * m->h; k++) sum += sqrt((double)m->near[k]);
+    return pow(sum / (m->w * m->h), 2);
+}
+
 int picture_write(const char *path, const process *q, errmsg *e)
 {
     const int rows = q->s.n < ROWS ? q->s.n : ROWS;
-    double most = 0;
     img im;
 
     if (img_alloc(&im, 4 * GAP + 3 * q->p.w, GAP + rows * (q->p.h + GAP), 3, e)) return -1;
     for (size_t k = 0; k < (size_t)im.info.width * (size_t)im.info.height * 3; k++) im.pix[k] = 24;
-    for (int k = 0; k < q->p.w * q->p.h; k++) most = fmax(most, (double)q->maps[0].near[k]);
+    const double most = 3 * usual(&q->maps[0]);
     for (int k = 0; k < rows; k++)
         one_row(&im, GAP + k * (q->p.h + GAP), &q->maps[rows > 1 ? k * (q->s.n - 1) / (rows - 1) : 0], &q->s,
-                fmin(q->p.most, most));
+                most);
     im.info.coded = 1, im.info.max_code = 255;
     const int bad = img_write(&im, path, NULL, e);
     img_free(&im);
