@@ -137,6 +137,18 @@ def test_left_out_pictures_choose_the_surface(folder):
     assert np.allclose(extent(v)[[0, 1, 3, 4, 5]], [*LO[:2], *HI], atol=.04)
 
 
+def test_a_cupboard_is_part_of_the_surroundings(tmp_path):
+    """From floor to ceiling, at a wall: a box is not enough, and it is no thing that hangs in the room."""
+    faces = [((1.5, .2, 1.15), (0, 1, 0), (0, 0, 1.15)), ((1.95, 1.2, 1.15), (.45, 0, 0), (0, 0, 1.15)), ((1.95, -.8, 1.15), (.45, 0, 0), (0, 0, 1.15))]
+    room = rooms.Room([rooms.card(*f, (.8, .6, .4), amp=.3, cell=.25) for f in faces], **UNIT)
+    rooms.make(room, N, N, NT, NP, str(tmp_path / "c.ilf.exr"))
+    run("ilfdepth", "--depth", tmp_path / "c.exr", "--report", tmp_path / "c.json", tmp_path / "c.ilf.exr")
+    r, true = json.loads((tmp_path / "c.json").read_text()), true_distances(room)
+    wrong, here = abs(channels(tmp_path / "c.exr")["Y"] / true - 1), true < .95 * true_distances(PLAIN)
+    assert r["surface"] in ("mixed", "free") and r["held_out_error"]["mixed"] < .97 * r["held_out_error"]["box"]
+    assert np.median(wrong[here]) < .03 and (wrong[here] < .1).mean() > .9
+
+
 def test_threads_do_not_matter(folder, tmp_path):
     run("ilfdepth", "--threads", 2, *COARSE, "--depth", tmp_path / "a.exr", "-o", tmp_path / "a.obj", folder / "plain.ilf.exr")
     a, b = channels(tmp_path / "a.exr"), channels(folder / "plain.exr")
