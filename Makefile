@@ -58,6 +58,7 @@ PROGRAMS_stagectl  := stagectl
 PROGRAMS_twin      := virtualstage virtualcamera
 PROGRAMS_ilflamps  := ilflamps
 PROGRAMS_ilfpack   := ilfpack
+PROGRAMS_ilfdepth  := ilfdepth
 LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
 LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack -ljansson
 LIBS_stagectl      := -lutil -lexif -lcrypto
@@ -67,7 +68,7 @@ LIBS_twin          := $(LIBS_stagectl)
 # the tool whose parts another stands on: the virtual stage speaks the real one's language, free pictures have lamps
 UNDER_twin         := stagectl
 UNDER_ilfpack      := ilflamps
-TOOLS              := hdrgen fishremap stagectl twin ilflamps ilfpack
+TOOLS              := hdrgen fishremap stagectl twin ilflamps ilfpack ilfdepth
 
 # A main that is not written yet is left out, so that a partial checkout builds.
 have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))

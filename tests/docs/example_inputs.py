@@ -2,7 +2,7 @@
 
 make(folder) writes IMG_1.jpg ... IMG_5.jpg (EXIF times) and times.txt, fisheye.exr, flat.exr, source_00.exr ..., lens.txt,
 panorama.hdr, dual.exr and its rig.txt, shots.txt, shot_0.exr ..., spheres.exr, left.exr, right.exr, probe.exr, probe_0.exr ..., room.ilf.exr, lamps.ilf.exr, rays.txt, room.rad, objects.rad,
-surroundings.rad, view.vf, session.conf.  `with stage(folder):` has a stage at the name port.
+surroundings.rad, view.vf, places.txt, session.conf.  `with stage(folder):` has a stage at the name port.
 """
 import numpy as np
 
@@ -147,6 +147,7 @@ def make(folder):
     U.write_exr(folder / "spheres.exr", photograph(U.lobes(count=3, sharpest=2), 12, 12, radius=15.)[0])
     write_probes(folder)
     (folder / "rays.txt").write_text("".join(f"{x} {x} 0  {x} 0 1  {2 * x} {x} 1\n" for x in (.1, .2, .3)))
+    (folder / "places.txt").write_text("panorama.exr 0 0 1.5 0\npanorama.hdr .2 0 1.5 0  # beside it\n")
     write_scene(folder)
     write_shots(folder)
     session(folder, camera={"exposures": "1/60 1/8"}, stage={"port": "port"})

@@ -43,6 +43,7 @@ BELOW = {
     "tools/fishremap": ["common/vision", "common/image", "common/exr", "common/base", "ilfmat"],
     "tools/ilflamps": ["common/image", "common/base", "ilfmat", "ilfmat/lamps"],
     "tools/ilfpack": ["tools/ilflamps", "common/image", "common/base", "ilfmat", "ilfmat/lamps"],
+    "tools/ilfdepth": ["common/image", "common/base", "ilfmat"],
     "tools/stagectl": ["common/image", "common/base"],
     "tools/twin": ["tools/stagectl", "common/image", "common/base"],
 }
