@@ -117,6 +117,11 @@ $(VENV)/.packages: setup/requirements.txt $(VENV)/.made
 	@$(PY) -m pip install -q --disable-pip-version-check -r setup/requirements.txt
 	@touch $@
 
+# our own package is used from where it stands (python/): the path that Python is told is relative, so that the tree may be moved
+$(VENV)/.ilf: $(VENV)/.packages Makefile
+	@echo ../../../../../python/src >"$$(echo $(VENV)/lib/python3*/site-packages)/ilf.pth"
+	@touch $@
+
 # ---- libraries -------------------------------------------------------------------------------------
 # C++ only where a library asks for it: thin shims with a C interface
 COMMON_SRC := $(wildcard common/base/*.c common/exr/*.c common/image/*.c common/image/*.cpp)
@@ -233,7 +238,7 @@ $(foreach t,$(patsubst tests/%/parts.c,%,$(wildcard tests/*/parts.c)),$(eval $(c
 TEST_ARGS ?=
 # files of tests side by side: one more than processors, since stagectl's wait for their stages most of the time
 TEST_JOBS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n + 1)))
-test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.packages
+test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.ilf
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder tests $(TEST_ARGS)
 
 # the programs that our patches touch, in a build folder beside another Radiance's that lends the rest
