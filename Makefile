@@ -117,8 +117,15 @@ $(VENV)/.packages: setup/requirements.txt $(VENV)/.made
 	@$(PY) -m pip install -q --disable-pip-version-check -r setup/requirements.txt
 	@touch $@
 
-# our own package is used from where it stands (python/): the path that Python is told is relative, so that the tree may be moved
-$(VENV)/.ilf: $(VENV)/.packages Makefile
+# our own package is used from where it stands (python/): the path that Python is told is relative, so that the tree may be moved.
+# It opens the plain build's libilf: a sanitized one can't be loaded into a plain Python.
+PYLIB := $(B0)/lib/libilf.so.0
+ifneq ($(B),$(B0))
+.PHONY: $(PYLIB)
+$(PYLIB):
+	@$(MAKE) -s SAN= B=$(B0) $@
+endif
+$(VENV)/.ilf: Makefile | $(VENV)/.packages $(PYLIB)
 	@echo ../../../../../python/src >"$$(echo $(VENV)/lib/python3*/site-packages)/ilf.pth"
 	@touch $@
 
@@ -243,7 +250,7 @@ test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.ilf
 
 # the programs that our patches touch, in a build folder beside another Radiance's that lends the rest
 .PHONY: test-renderers
-test-renderers: stock $(RAD_PATCHED:%=$(B)/bin/%) $(RAD_LIB) $(ILF_PROGRAMS:%=$(B)/bin/%) $(VENV)/.packages
+test-renderers: stock $(RAD_PATCHED:%=$(B)/bin/%) $(RAD_LIB) $(ILF_PROGRAMS:%=$(B)/bin/%) $(VENV)/.ilf
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile tests/radiance_patch $(TEST_ARGS)
 #?measures: test-renderers  those of the material in Radiance alone (for a second Radiance: B=build/6.1 RADIANCE_SRC=...)
 
