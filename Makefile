@@ -117,18 +117,6 @@ $(VENV)/.packages: setup/requirements.txt $(VENV)/.made
 	@$(PY) -m pip install -q --disable-pip-version-check -r setup/requirements.txt
 	@touch $@
 
-# our own package is used from where it stands (python/): the path that Python is told is relative, so that the tree may be moved.
-# It opens the plain build's libilf: a sanitized one can't be loaded into a plain Python.
-PYLIB := $(B0)/lib/libilf.so.0
-ifneq ($(B),$(B0))
-.PHONY: $(PYLIB)
-$(PYLIB):
-	@$(MAKE) -s SAN= B=$(B0) $@
-endif
-$(VENV)/.ilf: Makefile | $(VENV)/.packages $(PYLIB)
-	@echo ../../../../../python/src >"$$(echo $(VENV)/lib/python3*/site-packages)/ilf.pth"
-	@touch $@
-
 # ---- libraries -------------------------------------------------------------------------------------
 # C++ only where a library asks for it: thin shims with a C interface
 COMMON_SRC := $(wildcard common/base/*.c common/exr/*.c common/image/*.c common/image/*.cpp)
@@ -181,6 +169,18 @@ $(LIBCOMMON): $(COMMON_OBJ)
 $(LIBVISION): $(VISION_OBJ)
 	@mkdir -p $(@D) && rm -f $@
 	@ar rcs $@ $^
+
+# our own package is used from where it stands (python/): the path that Python is told is relative, so that the tree may be moved.
+# It opens the plain build's libilf: a sanitized one can't be loaded into a plain Python.
+PYLIB := $(B0)/lib/libilf.so.$(ILF_ABI)
+ifneq ($(B),$(B0))
+.PHONY: $(PYLIB)
+$(PYLIB):
+	@$(MAKE) -s SAN= B=$(B0) $@
+endif
+$(VENV)/.ilf: Makefile | $(VENV)/.packages $(PYLIB)
+	@echo ../../../../../python/src >"$$(echo $(VENV)/lib/python3*/site-packages)/ilf.pth"
+	@touch $@
 
 # ---- our programs ----------------------------------------------------------------------------------
 tools: $(ILF_PROGRAMS:%=$(B)/bin/%) $(TOOL_PROGRAMS:%=$(B)/bin/%) $(LIBILF_SO)

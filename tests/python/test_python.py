@@ -2,6 +2,7 @@
 import dataclasses
 import os
 import re
+import shutil
 import subprocess
 import sys
 import threading
@@ -301,6 +302,35 @@ def test_it_finds_the_library():
     assert p.returncode == 1 and p.stderr.splitlines()[-1].startswith("ImportError: ilf: expected libilf.so.0, found: /none/libilf.so.0: ")
     p = python(tell, ILF_LIBRARY="libm.so.6")
     assert p.returncode == 1 and "libm.so.6: expected the function ilf_open, found none" in p.stderr.splitlines()[-1]
+
+
+def installed(source, folder):
+    """The package as pip makes it of a folder, without asking a registry, in a Python that knows nothing else of ours."""
+    p = execute([sys.executable, "-m", "pip", "install", "-q", "--no-index", "--no-build-isolation", "--no-deps", "--disable-pip-version-check",
+                 "--target", folder / "packages", source], env={k: v for k, v in environment().items() if k != "ILF_LIBRARY"}, capture_output=True, text=True)
+    assert p.returncode == 0, p.stderr
+    return lambda code: execute([sys.executable, "-I", "-c", f"import sys; sys.path.insert(0, {str(folder / 'packages')!r})\n{code}"],
+                                cwd=folder, env=environment(), capture_output=True, text=True)
+
+
+def test_pip_packs_the_library_and_its_headers(own, tmp_path):
+    before = sorted((TOP / "python").rglob("*"))
+    tell = installed(TOP / "python", tmp_path)(f"import ilf; print(ilf.library_path(), float(ilf.open({str(own[1])!r}).probes()[3, 2, 1, 0, 0]))")
+    where, value = tell.stdout.split()
+    assert where == str(tmp_path / "packages/ilf/libilf.so.0") and float(value) == own[0].probes[3, 2, 1, 0, 0], tell.stderr
+    assert [p for p in sorted((TOP / "python").rglob("*")) if p not in before and "__pycache__" not in p.parts] == []
+    assert (tmp_path / "packages/ilf/include/ilf.h").read_bytes() == (TOP / "ilfmat/ilf.h").read_bytes()
+
+
+def test_the_page_s_code_runs(lit, tmp_path):
+    shutil.copy(lit[1], tmp_path / "room.ilf.exr")
+    code, = re.findall(r"^```python\n(.*?)^```$", (TOP / "python/README.md").read_text(), re.S | re.M)
+    (tmp_path / "a.py").write_text(code)
+    p = execute([sys.executable, "a.py"], cwd=tmp_path, env=environment(PYTHONPATH=str(TOP / "python/src")), capture_output=True, text=True)
+    assert p.returncode == 0, p.stderr
+    assert p.stdout.startswith("3 x 2 probes of 10 x 6 texels, float32, none; None") and "sphere at [" in p.stdout
+    half = read_mosaic(tmp_path / "half.ilf.exr")
+    assert half[0]["ilf:version"] == 1 and (half[1] == lit[0].mosaic() * .5).all()
 
 
 def test_the_example_draws_irradiance(own, tmp_path):
