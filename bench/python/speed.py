@@ -1,6 +1,6 @@
 """What a lookup costs through the Python package, beside the same lookups by a loop in C (build/test/ilfspeed).
 
-usage: speed.py FILE.ilf.exr [N]       (N rays at a time; default 4096, which stay in the cache as ilfspeed's do, and 1000000)
+usage: speed.py FILE.ilf.exr [N...]    (N rays at a time, others each time; default 4096, and 400000)
 
 CPU nanoseconds per lookup (all of the process's threads, so that a busy machine counts little), the least of ROUNDS in which C and Python take turns, random
 rays; ratio: C's time over Python's, 1 is as fast.  Beside it the clock's: how much sooner two threads are done than one.
@@ -24,9 +24,9 @@ def in_c(path):
     return {line.split()[0]: float(line.split()[2]) for line in out.splitlines() if line.split()[1] == "random"}
 
 
-def rays(field, n):
+def rays(field, n, seed):
     """As ilfspeed makes them: from anywhere on the plane to a sphere about it."""
-    rng, f = np.random.default_rng(3), field.frame
+    rng, f = np.random.default_rng(seed), field.frame
     z, theta = .02 + .98 * rng.uniform(size=n), rng.uniform(0, 2 * np.pi, n)
     s = np.sqrt(1 - z * z)
     o = f.at(rng.uniform(size=n), rng.uniform(size=n))
@@ -35,21 +35,20 @@ def rays(field, n):
 
 
 def in_python(field, given, depth, threads):
-    """[CPU ns, clock's ns] per lookup."""
-    n = len(given[0])
-    rounds = max(1, LOOKUPS // n)
+    """[CPU ns, clock's ns] per lookup, of some batches of rays."""
     a, b = time.process_time(), time.perf_counter()
-    for _ in range(rounds):
-        field.eval(*given, depth=depth, threads=threads)
-    return [(time.process_time() - a) / rounds / n * 1e9, (time.perf_counter() - b) / rounds / n * 1e9]
+    for batch in given:
+        field.eval(*batch, depth=depth, threads=threads)
+    done = sum(len(batch[0]) for batch in given)
+    return [(time.process_time() - a) / done * 1e9, (time.perf_counter() - b) / done * 1e9]
 
 
 def main(path, *sizes):
-    sizes, kinds = [int(x) for x in sizes] or [4096, 1_000_000], ("nodepth", "depth")
+    sizes, kinds = [int(x) for x in sizes] or [4096, LOOKUPS], ("nodepth", "depth")
     c, found = [], {(n, kind, k): [] for n in sizes for kind in kinds for k in (1, 2)}
     with ilf.open(path) as field:
         field.probes()
-        given = {n: rays(field, n) for n in sizes}
+        given = {n: [rays(field, n, seed) for seed in range(max(1, LOOKUPS // n))] for n in sizes}
         for _ in range(ROUNDS):
             c.append(in_c(path))
             for n, kind, k in found:

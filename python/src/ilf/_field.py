@@ -11,7 +11,7 @@ from ._frame import Frame
 from ._lamps import Lamp, lamp_from
 from ._library import ffi, lib
 
-TYPES = {lib.ILF_HALF: np.dtype(np.float16), lib.ILF_FLOAT: np.dtype(np.float32)}
+TYPES: dict[int, np.dtype] = {lib.ILF_HALF: np.dtype(np.float16), lib.ILF_FLOAT: np.dtype(np.float32)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ class Field:
         c, n = lib.ilf_get_info(self._c), ffi.new("ilf_notes *")
         lib.ilf_get_notes(n, self._c)
         return Info(c.version, c.n_u, c.n_v, c.n_theta, c.n_phi, TYPES[c.type], _text(c.compression), bool(c.interleaved),
-                    *(np.array(list(a)) for a in (c.origin, c.U, c.V)), c.polar_max, c.polar_valid, c.file_bytes,
+                    np.array(list(c.origin)), np.array(list(c.U)), np.array(list(c.V)), c.polar_max, c.polar_valid, c.file_bytes,
                     _text(n.comments), _text(n.owner), _text(n.cap_date), n.white_luminance or None)
 
     @cached_property

@@ -42,9 +42,10 @@ class Frame:
     @classmethod
     def of(cls, origin: ArrayLike, U: ArrayLike, V: ArrayLike, normal: ArrayLike | None = None) -> "Frame":
         """The frame of a plane with corner `origin` and edges `U`, `V`; `normal` (U x V or its opposite) says from which side light comes."""
-        o, U, V = vector3(origin, "origin"), vector3(U, "U"), vector3(V, "V")
+        o, a, b = vector3(origin, "origin"), vector3(U, "U"), vector3(V, "V")
+        side = ffi.NULL if normal is None else ffi.new("double[3]", vector3(normal, "normal").tolist())
         c = ffi.new("ilf_frame *")
-        call(lib.ilf_frame_init, c, o.tolist(), U.tolist(), V.tolist(), ffi.NULL if normal is None else ffi.new("double[3]", vector3(normal, "normal").tolist()))
+        call(lib.ilf_frame_init, c, o.tolist(), a.tolist(), b.tolist(), side)
         return cls._from(c)
 
     @classmethod

@@ -3,7 +3,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ._errors import ArgumentError
 from ._library import ffi
@@ -19,11 +19,13 @@ def _zeros(n):
     return field(default_factory=lambda: np.zeros(n))
 
 
-def _vector(values, n, name):
-    a = np.asarray(values, float)
-    if a.shape != (n,):
-        raise ArgumentError(f"{name}: expected {n} numbers, found shape {a.shape}")
-    return a
+def _make_arrays(owner, whose, **sizes):
+    """Vectors may be given as any sequence of numbers."""
+    for name, n in sizes.items():
+        a = np.asarray(getattr(owner, name), float)
+        if a.shape != (n,):
+            raise ArgumentError(f"{whose} {name}: expected {n} numbers, found shape {a.shape}")
+        setattr(owner, name, a)
 
 
 def _number(name, names, what):
@@ -34,7 +36,7 @@ def _number(name, names, what):
 
 @dataclass(eq=False)
 class Mask:
-    """What hides or shapes a lamp.
+    """What hides or shapes a lamp.  Vectors may be given as any sequence of numbers.
 
     Parameters
     ----------
@@ -55,18 +57,22 @@ class Mask:
 
     kind: Kind
     picture: NDArray | None = None
-    start: ArrayLike = (0.0, 0.0)
-    step: ArrayLike = (1.0, 1.0)
+    start: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    step: NDArray[np.float64] = field(default_factory=lambda: np.ones(2))
     link: Literal["value", "logistic"] = "value"
     adds: bool = False
     beta: float = 0.0
-    plane: ArrayLike = _zeros(3)
-    coef: ArrayLike = _zeros(6)
+    plane: NDArray[np.float64] = _zeros(3)
+    coef: NDArray[np.float64] = _zeros(6)
+
+    def __post_init__(self):
+        _make_arrays(self, "mask's", start=2, step=2, plane=3, coef=6)
 
 
 @dataclass(eq=False)
 class Lamp:
     """A lamp, in the field's own coordinates: x along u, y along v, z along n from probe (0, 0), in the scene's unit (`Frame.to_scene`).
+    Vectors may be given as any sequence of numbers.
 
     Parameters
     ----------
@@ -90,10 +96,10 @@ class Lamp:
     """
 
     shape: Shape
-    centre: ArrayLike
-    rgb: ArrayLike
-    a: ArrayLike = _zeros(3)
-    b: ArrayLike = _zeros(3)
+    centre: NDArray[np.float64]
+    rgb: NDArray[np.float64]
+    a: NDArray[np.float64] = _zeros(3)
+    b: NDArray[np.float64] = _zeros(3)
     radius: float = 0.0
     far: bool = False
     masks: tuple[Mask, ...] = ()
@@ -102,6 +108,9 @@ class Lamp:
     error_position: float = 0.0
     error_radiance: float = 0.0
     seen: NDArray | None = None
+
+    def __post_init__(self):
+        _make_arrays(self, "lamp's", centre=3, rgb=3, a=3, b=3)
 
 
 ERRORS = ("error_masks", "error_interpolation", "error_position", "error_radiance")
@@ -138,7 +147,7 @@ def _samples(values, keep):
 
 def _mask_to(c, m, keep):
     c.kind, c.link = _number(m.kind, KINDS, "mask"), _number(m.link, LINKS, "mask's link")
-    c.adds, c.beta, c.plane, c.coef = int(m.adds), m.beta, list(_vector(m.plane, 3, "mask's plane")), list(_vector(m.coef, 6, "mask's coef"))
+    c.adds, c.beta, c.plane, c.coef = int(m.adds), m.beta, list(m.plane), list(m.coef)
     if m.picture is None:
         return
     shape, axes = np.shape(m.picture), 3 if m.kind == "stack" else 2
@@ -146,7 +155,7 @@ def _mask_to(c, m, keep):
         raise ArgumentError(f"mask's picture: expected {axes} axes of a {m.kind}, found shape {shape}")
     c.ny, c.nx = shape[-2:]
     c.nz = shape[0] if axes == 3 else 0
-    (c.x0, c.y0), (c.dx, c.dy) = _vector(m.start, 2, "mask's start"), _vector(m.step, 2, "mask's step")
+    (c.x0, c.y0), (c.dx, c.dy) = m.start, m.step
     c.grid = _samples(m.picture, keep)
 
 
@@ -156,7 +165,7 @@ def lamps_to(lamps, n_u, n_v):
     for c, lamp in zip(out, lamps, strict=True):
         c.shape, c.far, c.radius = _number(lamp.shape, SHAPES, "lamp"), int(lamp.far), lamp.radius
         for name in ("centre", "a", "b", "rgb"):
-            setattr(c, name, list(_vector(getattr(lamp, name), 3, f"lamp's {name}")))
+            setattr(c, name, list(getattr(lamp, name)))
         for name in ERRORS:
             setattr(c, name, getattr(lamp, name))
         masks = ffi.new("ilf_mask[]", len(lamp.masks))

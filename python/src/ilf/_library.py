@@ -17,7 +17,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
-from cffi import FFI
+from cffi import FFI  # type: ignore[import-untyped]
 
 NAME = "libilf.so.0"
 HERE = Path(__file__).resolve().parent

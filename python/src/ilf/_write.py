@@ -61,7 +61,7 @@ def _write_probes(path, spec, probes):
 
 
 def write(path: str | os.PathLike, probes: ArrayLike, *, origin: ArrayLike | None = None, U: ArrayLike | None = None, V: ArrayLike | None = None,
-          polar_max: float | None = None, polar_valid: float | None = None, dtype: DTypeLike = None, compression: str = "none",
+          polar_max: float | None = None, polar_valid: float | None = None, dtype: DTypeLike | None = None, compression: str = "none",
           interleave: bool = False, comments: str | None = None, owner: str | None = None, cap_date: str | None = None,
           white_luminance: float | None = None, lamps: Sequence[Lamp] | None = None, like: Field | None = None) -> None:
     """Write a light field.  The file is there whole under its name, or not at all.
