@@ -3,8 +3,9 @@
     irradiance.py room.ilf.exr -o irradiance.png
     irradiance.py room.ilf.exr -o irradiance.png --heights "0 .1 .3" --ball ".4 .4 0 3"
 
-At each point the light from the plane's side falls on a surface that lies flat: E = integral of L cos(theta) over the hemisphere, here the mean of L
-over directions that are spread evenly by cos(theta), times pi.  Small lamps need many directions (--samples).
+At each point the light from the plane's side falls on a surface that lies flat: E = integral of L cos(theta) over the hemisphere.  It is summed over
+directions that are spread evenly by cos(theta) (--samples), apart from cones about the field's lamps (a file of version 2), each of which is summed by
+itself: a lamp is small, and few of the others would meet it.  Without lamps taken out, what is bright may be a texel wide, so that many directions are needed.
 """
 import argparse
 import sys
@@ -14,12 +15,41 @@ import numpy as np
 import ilf
 
 
-def directions(frame, k, turn):
-    """k x k unit vectors (k*k, 3) about the plane's normal, of density cos(theta)/pi; turn (2,) in [0, 1) shifts them within their cells."""
-    a, b = (np.meshgrid(*(2 * [np.arange(k)]), indexing="ij"))
-    r, angle = np.sqrt((a + turn[0]) / k), 2 * np.pi * (b + turn[1]) / k
-    own = np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1 - r * r)], -1)
-    return own.reshape(-1, 3) @ frame.axes
+def cells(k, rng, n):
+    """n times k x k points in the unit square, one in each of its k x k cells, (n, k*k, 2)."""
+    at = np.stack(np.meshgrid(np.arange(k), np.arange(k), indexing="ij"), -1).reshape(-1, 2)
+    return (at + rng.uniform(size=(n, 1, 2))) / k
+
+
+def hemisphere(frame, p):
+    """Unit vectors (..., 3) about the plane's normal, of density cos(theta)/pi."""
+    r, angle = np.sqrt(p[..., 0]), 2 * np.pi * p[..., 1]
+    return np.stack([r * np.cos(angle), r * np.sin(angle), np.sqrt(1 - r * r)], -1) @ frame.axes
+
+
+def cone(axis, cosine, p):
+    """Unit vectors (n, m, 3), spread evenly in cones about the axes (n, 3) with half angles of those cosines (n,)."""
+    across = np.where(np.abs(axis[:, 2:]) < .9, [0, 0, 1.], [1., 0, 0])
+    a = np.cross(across, axis)
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
+    z, angle = 1 - p[..., :1] * (1 - cosine[:, None, None]), 2 * np.pi * p[..., 1:]
+    return z * axis[:, None] + np.sqrt(1 - z * z) * (np.cos(angle) * a[:, None] + np.sin(angle) * np.cross(axis, a)[:, None])
+
+
+def about_lamps(field, points):
+    """[(axis, cosine)] of cones at points (n, 3) that hold a lamp each; a lamp that is too near has a cone of cosine 1, which holds nothing."""
+    found = []
+    for lamp in field.lamps:
+        to = field.frame.to_scene(lamp.centre) - points
+        distance = np.linalg.norm(to, axis=1)
+        sine = np.minimum(lamp.extent / distance, 1)
+        found.append((to / distance[:, None], np.where(sine < .99, np.sqrt(1 - sine * sine), 1)))
+    return found
+
+
+def inside(d, cones):
+    """Which of the directions (n, m, 3) lie in one of the cones."""
+    return np.any([np.einsum("nmk,nk->nm", d, axis) > cosine[:, None] for axis, cosine in cones], axis=0) if cones else np.zeros(d.shape[:2], bool)
 
 
 def on_ball(points, d, ball):
@@ -29,15 +59,22 @@ def on_ball(points, d, ball):
     return points + d * (-m + np.sqrt(m * m + ball[3] ** 2 - (e * e).sum(-1, keepdims=True)))
 
 
+def row_irradiance(field, points, k, ball, rng):
+    """Luminous irradiance (n,), lux, at points (n, 3)."""
+    cones, o = about_lamps(field, points), points[:, None]
+    d = hemisphere(field.frame, cells(k, rng, len(points)))
+    sets = [(d, np.where(inside(d, cones), 0, np.pi / d.shape[1]))]
+    for n, (axis, cosine) in enumerate(cones):
+        d = cone(axis, cosine, cells(max(4, k // 4), rng, len(points)))
+        weight = 2 * np.pi * (1 - cosine[:, None]) / d.shape[1] * np.maximum(d @ field.frame.n, 0)
+        sets.append((d, np.where(inside(d, cones[:n]), 0, weight)))         # a direction counts in one cone only
+    return sum((w * ilf.luminance(field.eval(o, d, None if ball is None else on_ball(o, d, ball)))).sum(1) for d, w in sets)
+
+
 def irradiance(field, points, samples, ball=None, seed=1):
     """Luminous irradiance (rows, columns), lux, at points (rows, columns, 3); ball: auxiliary geometry, or None for infinitely far light."""
     k, rng = max(1, round(samples ** .5)), np.random.default_rng(seed)
-    out = np.empty(points.shape[:2])
-    for j, row in enumerate(points):
-        d = np.stack([directions(field.frame, k, rng.uniform(size=2)) for _ in row])
-        o = row[:, None]
-        out[j] = ilf.luminance(field.eval(o, d, None if ball is None else on_ball(o, d, ball)).mean(1)) * np.pi
-    return out
+    return np.stack([row_irradiance(field, row, k, ball, rng) for row in points])
 
 
 def draw(path, maps, heights, frame):
@@ -67,8 +104,8 @@ def main():
     ap.add_argument("-o", "--output", required=True, metavar="PICTURE", help="in any of matplotlib's formats")
     ap.add_argument("--heights", type=numbers(), metavar="H...", help="above the plane, scene's unit (default: 0, 1/8 and 1/4 of the longer edge)")
     ap.add_argument("--ball", type=numbers(4), metavar="X Y Z R", help="auxiliary geometry: a ball about the scene (default: infinitely far away)")
-    ap.add_argument("--cells", type=int, default=48, metavar="N", help="points along each edge (48)")
-    ap.add_argument("--samples", type=int, default=1024, metavar="N", help="directions at each point (1024)")
+    ap.add_argument("--cells", type=int, default=32, metavar="N", help="points along each edge (32)")
+    ap.add_argument("--samples", type=int, default=4096, metavar="N", help="directions at each point (4096)")
     ap.add_argument("--csv", metavar="FILE", help="the numbers, too: height, s, t, lux")
     a = ap.parse_args()
     try:

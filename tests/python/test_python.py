@@ -352,3 +352,23 @@ def test_the_example_s_irradiance_under_even_light_is_pi(tmp_path):
     execute([sys.executable, TOP / "python/examples/irradiance.py", path, "-o", tmp_path / "e.png", "--samples", "64", "--cells", "3", "--csv", tmp_path / "e.csv",
              "--ball", "0.5 0.5 0 3"], env=environment(PYTHONPATH=str(TOP / "python/src")), check=True)
     assert np.loadtxt(tmp_path / "e.csv", delimiter=",", skiprows=1)[:, 3] == pytest.approx(179 * np.pi, rel=1e-5)
+
+
+def test_the_example_s_irradiance_under_a_ball_is_the_balls(tmp_path):
+    """pi L (r/d)^2 cos: a lamp that few of the even directions would meet; one that was put out does not count."""
+    path, lamps = tmp_path / "ball.ilf.exr", [ilf.Lamp("sphere", (.5, .5, 2), (3, 3, 3), radius=.05), ilf.Lamp("disc", (.2, .1, 3), (0, 0, 0), a=(.1, 0, 0), b=(0, .1, 0))]
+    ilf.write(path, np.zeros((2, 2, 6, 12, 3)), origin=(0, 0, 0), U=(1, 0, 0), V=(0, 1, 0), lamps=lamps)
+    execute([sys.executable, TOP / "python/examples/irradiance.py", path, "-o", tmp_path / "e.png", "--samples", "256", "--cells", "4", "--csv", tmp_path / "e.csv",
+             "--ball", "0.5 0.5 0 5"], env=environment(PYTHONPATH=str(TOP / "python/src")), check=True)
+    h, s, t, lux = np.loadtxt(tmp_path / "e.csv", delimiter=",", skiprows=1).T
+    up = 2 - h
+    square = (s - .5) ** 2 + (t - .5) ** 2 + up ** 2
+    assert lux == pytest.approx(179 * np.pi * 3 * .05 ** 2 / square * up / np.sqrt(square), rel=2e-3)
+
+
+@pytest.mark.parametrize("kind, more, extent", [("sphere", {"radius": .3}, .3), ("rectangle", {"a": (.3, 0, 0), "b": (0, .4, 0)}, .5), ("disc", {"a": (.3, 0, 0), "b": (0, .4, 0)}, .4),
+                                                ("tube", {"a": (0, .3, 0), "radius": .1}, .4)])
+def test_extent(kind, more, extent):
+    assert ilf.Lamp(kind, (0, 0, 1), (1, 1, 1), **more).extent == pytest.approx(extent)
+    with pytest.raises(ilf.ArgumentError, match="lamp's centre: expected 3 numbers"):
+        ilf.Lamp(kind, (0, 0), (1, 1, 1), **more)

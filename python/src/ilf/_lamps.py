@@ -112,6 +112,12 @@ class Lamp:
     def __post_init__(self):
         _make_arrays(self, "lamp's", centre=3, rgb=3, a=3, b=3)
 
+    @property
+    def extent(self) -> float:
+        """Radius of a ball round the centre that holds the lamp, scene's unit."""
+        a, b = float(np.linalg.norm(self.a)), float(np.linalg.norm(self.b))
+        return {"sphere": self.radius, "rectangle": float(np.hypot(a, b)), "disc": max(a, b), "tube": a + self.radius}[self.shape]
+
 
 ERRORS = ("error_masks", "error_interpolation", "error_position", "error_radiance")
 
