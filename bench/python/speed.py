@@ -2,8 +2,8 @@
 
 usage: speed.py FILE.ilf.exr [N...]    (N rays at a time, others each time; default 4096, and 400000)
 
-CPU nanoseconds per lookup (all of the process's threads, so that a busy machine counts little), the least of ROUNDS in which C and Python take turns, random
-rays; ratio: C's time over Python's, 1 is as fast.  Beside it the clock's: how much sooner two threads are done than one.
+CPU nanoseconds per lookup (all of the process's threads, so that a busy machine counts little), the least of ROUNDS in which C and Python
+take turns, random rays; ratio: C's time over Python's, 1 is as fast.  Beside it the clock's: how much sooner two threads are done than one.
 """
 import os
 import subprocess

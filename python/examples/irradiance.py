@@ -3,9 +3,10 @@
     irradiance.py room.ilf.exr -o irradiance.png
     irradiance.py room.ilf.exr -o irradiance.png --heights "0 .1 .3" --ball ".4 .4 0 3"
 
-At each point the light from the plane's side falls on a surface that lies flat: E = integral of L cos(theta) over the hemisphere.  It is summed over
-directions that are spread evenly by cos(theta) (--samples), apart from cones about the field's lamps (a file of version 2), each of which is summed by
-itself: a lamp is small, and few of the others would meet it.  Without lamps taken out, what is bright may be a texel wide, so that many directions are needed.
+At each point the light from the plane's side falls on a surface that lies flat: E = integral of L cos(theta) over the hemisphere.  It is
+summed over directions that are spread evenly by cos(theta) (--samples), apart from cones about the field's lamps (a file of version 2), each
+of which is summed by itself: a lamp is small, and few of the others would meet it.  Without lamps taken out, what is bright may be a texel
+wide, so that many directions are needed.
 """
 import argparse
 import sys

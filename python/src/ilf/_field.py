@@ -245,7 +245,8 @@ class Field:
         down = int(at[1, 0] - at[0, 0]) if info.n_v > 1 else 0
         if (at != at[0, 0] + np.arange(info.n_u) * along + np.arange(info.n_v)[:, None] * down).any():
             return None
-        return np.asarray(_Texels(self._c, first, (info.n_v, info.n_u, info.n_phi, info.n_theta, 3), (down, along, first.row, first.column, first.channel)))
+        shape = info.n_v, info.n_u, info.n_phi, info.n_theta, 3
+        return np.asarray(_Texels(self._c, first, shape, (down, along, first.row, first.column, first.channel)))
 
     # ---- lookup ----
 
