@@ -63,8 +63,8 @@ def _load():
     try:
         opened = ffi.dlopen(path)
     except OSError as e:
-        words = str(e).removeprefix(f"cannot load library '{path}': ")
-        hint = "" if path != NAME else " (make it with `make tools`, install it with `make install`, or name it in ILF_LIBRARY)"
+        words = str(e).removeprefix(f"cannot load library '{path}': ").partition(".  Additionally")[0]
+        hint = "" if path != NAME else " (`make tools` makes it, then install this package again; or name it in ILF_LIBRARY)"
         raise ImportError(f"ilf: expected {NAME}, found: {' '.join(words.split())}{hint}") from None
     missing = [name for name in NEEDED if not hasattr(opened, name)]
     if missing:
