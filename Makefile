@@ -174,6 +174,18 @@ $(LIBVISION): $(VISION_OBJ)
 	@mkdir -p $(@D) && rm -f $@
 	@ar rcs $@ $^
 
+# our own package is used from where it stands (python/): the path that Python is told is relative, so that the tree may be moved.
+# It opens the plain build's libilf: a sanitized one can't be loaded into a plain Python.
+PYLIB := $(B0)/lib/libilf.so.$(ILF_ABI)
+ifneq ($(B),$(B0))
+.PHONY: $(PYLIB)
+$(PYLIB):
+	@$(MAKE) -s SAN= B=$(B0) $@
+endif
+$(VENV)/.ilf: Makefile | $(VENV)/.packages $(PYLIB)
+	@echo ../../../../../python/src >"$$(echo $(VENV)/lib/python3*/site-packages)/ilf.pth"
+	@touch $@
+
 # ---- our programs ----------------------------------------------------------------------------------
 tools: $(ILF_PROGRAMS:%=$(B)/bin/%) $(TOOL_PROGRAMS:%=$(B)/bin/%) $(LIBILF_SO)
 
@@ -237,12 +249,12 @@ $(foreach t,$(patsubst tests/%/parts.c,%,$(wildcard tests/*/parts.c)),$(eval $(c
 TEST_ARGS ?=
 # files of tests side by side: one more than processors, since stagectl's wait for their stages most of the time
 TEST_JOBS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n + 1)))
-test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.packages
+test: $(B0)/.debs-test all $(EXAMPLES) $(TEST_DRIVERS) $(VENV)/.ilf
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile --no-loadscope-reorder tests $(TEST_ARGS)
 
 # the programs that our patches touch, in a build folder beside another Radiance's that lends the rest
 .PHONY: test-renderers
-test-renderers: stock $(RAD_PATCHED:%=$(B)/bin/%) $(RAD_LIB) $(ILF_PROGRAMS:%=$(B)/bin/%) $(B)/bin/ilfpack $(VENV)/.packages
+test-renderers: stock $(RAD_PATCHED:%=$(B)/bin/%) $(RAD_LIB) $(ILF_PROGRAMS:%=$(B)/bin/%) $(B)/bin/ilfpack $(VENV)/.ilf
 	ILF_BUILD=$(B) $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile tests/radiance_patch $(TEST_ARGS)
 #?measures: test-renderers  those of the material in Radiance alone (for a second Radiance: B=build/6.1 RADIANCE_SRC=...)
 

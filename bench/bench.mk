@@ -2,7 +2,7 @@
 # runs some sections only).  Unpatched Radiance stands beside it for comparison (tests/radiance_patch/stock.mk).
 
 BENCH ?=
-bench-render: radiance $(B)/bin/ilflamps $(B)/test/ilfspeed $(B)/test/ilfcopy $(STOCK)/bin/rpict $(VENV)/.packages
+bench-render: radiance $(B)/bin/ilflamps $(B)/test/ilfspeed $(B)/test/ilfcopy $(STOCK)/bin/rpict $(VENV)/.ilf
 	ILF_BUILD=$(B) $(PY) bench/render/bench.py $(BENCH)
 
 #?measures: bench-render    error against run time of rendering (BENCH="judged lamps cache box smooth plain colordata single mitsuba paper lookup")
@@ -19,7 +19,13 @@ test: $(CASTER)
 # Lamps: version 1 against lamps and residual in rooms of known lamps (half an hour on a quiet core); LAMPS="--odd 7000:100 --grid 6x6
 # --texels 128x64" for rooms by chance.  One thread: CPU seconds then say what they mean.
 LAMPS ?=
-bench-lamps: $(B)/bin/ilflamps $(CASTER) radiance $(VENV)/.packages
+bench-lamps: $(B)/bin/ilflamps $(CASTER) radiance $(VENV)/.ilf
 	OMP_NUM_THREADS=1 ILF_BUILD=$(B) $(PY) bench/lamps/table.py $(LAMPS) $(B)/lamps/table.csv
 
+# Lookups through the Python package beside a loop in C; FIELD=FILE.ilf.exr names the light field.
+FIELD ?= $(DEMO)/room.ilf.exr
+bench-python: $(B)/test/ilfspeed $(FIELD) $(VENV)/.ilf
+	ILF_BUILD=$(B) $(PY) bench/python/speed.py $(FIELD)
+
+#?measures: bench-python    lookups from Python beside a loop in C (FIELD=FILE.ilf.exr)
 #?measures: bench-lamps     lamps taken out against version 1, in rooms of known lamps (LAMPS="--odd 7000:100 --grid 6x6 --texels 128x64")

@@ -7,7 +7,7 @@
 
 DEBS_DOCS := doxygen mandoc
 HTML      := $(B0)/doc/html
-DOC_PAGES := README.md CONTRIBUTING.md CHANGELOG.md $(wildcard docs/*.md) scenes/README.md
+DOC_PAGES := README.md CONTRIBUTING.md CHANGELOG.md $(wildcard docs/*.md) scenes/README.md python/README.md
 DOC_MAN   := $(patsubst man/%,$(HTML)/man/%.html,$(wildcard man/*.1 man/*.7))
 DOC_HEADS := $(wildcard ilfmat/*.h ilfmat/*/*.h common/*/*.h tools/*/*.h)
 

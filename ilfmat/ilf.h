@@ -158,6 +158,18 @@ ilf_status ilf_digest(uint64_t *digest, const ilf *field, ilf_error *err);
 /* One probe's texels as float, n_phi*n_theta*3, row-major from phi = 0, R G B interleaved. */
 ilf_status ilf_read_probe(float *rgb, const ilf *field, int i, int j, ilf_error *err);
 
+/* One probe's texels where they lie, to be looked at and not to be written: texel (x, y)'s channel c stands
+ * x*column + y*row + c*channel bytes after red.  Valid until ilf_close. */
+typedef struct ilf_view {
+    const void *red; /* R of texel (0, 0); at any address: it may be no multiple of the number's size */
+    ilf_type type;   /* of the texels there */
+    ptrdiff_t row, column, channel; /* bytes from one to the next; channel (R to G to B) may be below 0 */
+    int in_file;                    /* 1: in the mapped file (see ilf_fault), 0: decoded into memory */
+} ilf_view;
+
+/* Bring the probe in, as a lookup does, and say where it lies; fails as ilf_read_probe does. */
+ilf_status ilf_view_probe(ilf_view *view, const ilf *field, int i, int j, ilf_error *err);
+
 /* ---- lookup (sections 5.1 and 5.2 of the paper) --------------------------------------------- */
 
 /* Where the four probes around the back-traced point are looked up. */
@@ -181,6 +193,25 @@ typedef enum ilf_mode {
  * ilf_check_frame takes. */
 ilf_status ilf_eval(float rgb[3], const ilf *field, const ilf_frame *frame, const double origin[3],
                     const double dir[3], const double *hit, ilf_mode mode, ilf_error *err);
+
+/* Rays to be looked up together: ray k's origin begins at origins[k*origin_step], and so on.  A step is 3 where
+ * they lie one after the other, 0 where one serves all. */
+typedef struct ilf_rays {
+    size_t n;
+    const double *origins, *dirs;
+    const double *hits; /* NULL: the auxiliary geometry is at infinity for all; an infinite coordinate says so
+                           of one ray */
+    size_t origin_step, dir_step, hit_step;
+} ilf_rays;
+
+/* ilf_eval of many rays by several threads.
+ *   rgb        out: n*3, radiance of R, G, B of each ray
+ *   threads    this call's, the caller's own among them, which it waits for; 0: one for each processor that this
+ *              process may use.  What comes out does not hang on their number.
+ * Fails where ilf_eval would for the first such ray, whose number (from 0) the words name where it is the ray's
+ * fault; rgb then holds what was done so far. */
+ilf_status ilf_eval_many(float *rgb, const ilf *field, const ilf_frame *frame, const ilf_rays *rays,
+                         ilf_mode mode, int threads, ilf_error *err);
 
 /* ---- what is bright ---------------------------------------------------------------------------
  *

@@ -10,6 +10,7 @@ Writes PREFIX_r.dat, _g.dat, _b.dat, PREFIX.cal and PREFIX.rad, which defines th
 import argparse
 import os
 
+import ilf
 import numpy as np
 
 from . import fields
@@ -49,15 +50,15 @@ def tables(path, prefix, plane):
 
 
 def main(argv):
-    import OpenEXR
     ap = argparse.ArgumentParser(prog="report colordata", description="a light field as tables for stock Radiance")
     ap.add_argument("-o", "--output", required=True, metavar="PREFIX")
     ap.add_argument("file")
     a = ap.parse_args(argv)
-    head = OpenEXR.File(a.file, separate_channels=True).header()
-    if head.get("ilf:version") != 1:
-        raise ValueError(f"{a.file}: ilf:version: expected 1, found {head.get('ilf:version')}")
-    o, u, v = (np.asarray(head[f"ilf:{k}"], float) for k in ("origin", "U", "V"))
+    with ilf.open(a.file) as f:
+        info = f.info
+    if info.version != 1:
+        raise ValueError(f"{a.file}: ilf:version: expected 1, found {info.version}")
+    o, u, v = info.origin, info.U, info.V
     if o[2] or u[1] or u[2] or v[0] or v[2]:
         raise ValueError(f"{a.file}: expected the plane z = 0 with U along x and V along y, found {o} {u} {v}")
     tables(a.file, a.output, (o[0], o[0] + u[0], o[1], o[1] + v[1]))

@@ -9,6 +9,7 @@ Writes FOLDER/p_JJ_II.exr; N must divide the number of intervals of the grid, K 
 import argparse
 from pathlib import Path
 
+import ilf
 import numpy as np
 
 from .probes import write_exr
@@ -16,15 +17,10 @@ from .probes import write_exr
 
 def read(path):
     """probes (n_v, n_u, n_phi, n_theta, 3)."""
-    import OpenEXR
-    f = OpenEXR.File(str(path), separate_channels=True)
-    part = f.parts[0]
-    if part.header.get("ilf:version") != 1:
-        raise ValueError(f"{path}: ilf:version: expected 1, found {part.header.get('ilf:version')}")
-    image = np.stack([np.asarray(part.channels[c].pixels, np.float32) for c in "RGB"], -1)
-    tiles = part.header["tiles"]
-    h, w = tiles.ySize, tiles.xSize
-    return image.reshape(image.shape[0] // h, h, image.shape[1] // w, w, 3).transpose(0, 2, 1, 3, 4)
+    with ilf.open(path) as f:
+        if f.info.version != 1:
+            raise ValueError(f"{path}: ilf:version: expected 1, found {f.info.version}")
+        return f.probes().astype(np.float32)
 
 
 def shrink(probes, k):

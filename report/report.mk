@@ -22,7 +22,7 @@ report: $(REPORT)/index.html
 	@echo "The report:   $(TOP)/$(REPORT)/index.html"; echo "Its numbers:  $(TOP)/$(REPORT)/report.csv"
 $(eval $(call settings,$(REPORT)/settings,$(REPORT_SECTIONS); $(REPORT_FIGURES) of $(REPORT_FROM); $(REPORT_SIZE)))
 $(REPORT)/index.html: $(REPORT)/settings $(wildcard report/*.py) $(REPORT_SCENES) $(REPORT_READS) \
-		$(call made_by,oconv xform rpict rtrace pfilt pcomb obj2mesh virtualcamera hdrgen fishremap falloffcal ilfpack ilfinfo ilflamps) | $(VENV)/.packages $(FUNCTIONS)
+		$(call made_by,oconv xform rpict rtrace pfilt pcomb obj2mesh virtualcamera hdrgen fishremap falloffcal ilfpack ilfinfo ilflamps) | $(VENV)/.ilf $(FUNCTIONS)
 	@ILF_BUILD=$(B) REPORT_JOBS=$(REPORT_JOBS) REPORT_SIZE=$(REPORT_SIZE) REPORT_FIGURES="$(REPORT_FIGURES)" REPORT_FROM=$(REPORT_FROM) \
 		$(PY) -m report all $(REPORT_SECTIONS)
 report-clean:

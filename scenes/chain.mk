@@ -133,7 +133,7 @@ $($(1)_OUT)/overlay.png: $($(1)_OUT)/room.ilf.exr ;
 $($(1)_OUT)/room.lamps.ilf.exr: $($(1)_OUT)/room.ilf.exr $($(1)_OUT)/walls.oct $(call made_by,ilflamps)
 	@$$(ILF_ENV) ilflamps --quiet --geometry $($(1)_OUT)/walls.oct --report $($(1)_OUT)/lamps.json --picture $($(1)_OUT)/lamps.png -o $$@ $$<
 	@$$(call builds,$$(@:.exr=.programs),ilflamps)
-$($(1)_OUT)/single.probe.exr: $($(1)_OUT)/room.ilf.exr scenes/oneprobe.py | $(VENV)/.packages
+$($(1)_OUT)/single.probe.exr: $($(1)_OUT)/room.ilf.exr scenes/oneprobe.py | $(VENV)/.ilf
 	@$(PY) scenes/oneprobe.py --node $($(1)_SINGLE) -o $$@ $$<
 $$(eval $$(call single_probe,$(1),$($(1)_OUT)/single.probe.exr))
 endef

@@ -6,22 +6,22 @@ import argparse
 import os
 import sys
 
+import numpy as np
+
 
 def cut(field, i, j):
     """Pixels (rows, columns, 3) of probe (i, j), and the header entries that go with it."""
-    import OpenEXR
-    with OpenEXR.File(field) as f:
-        header, channels = f.parts[0].header, f.parts[0].channels
-        if header.get("ilf:version", 1) != 1:
-            raise ValueError(f"{field}: ilf:version: expected 1, found {header['ilf:version']} (ilflamps --compose writes 1)")
-        pixels = channels["RGB"].pixels
-        tile = header["tiles"]
-        w, h = tile.xSize, tile.ySize
-        nu, nv = pixels.shape[1] // w, pixels.shape[0] // h
-        if not (0 <= i < nu and 0 <= j < nv):
-            raise ValueError(f"{field}: expected a node of {nu} x {nv}, found {i}_{j}")
-        keep = {k: header[k] for k in ("ilf:polarMax", "ilf:polarValid") if k in header}
-        return pixels[j * h:(j + 1) * h, i * w:(i + 1) * w].copy(), keep
+    import ilf
+    with ilf.open(field) as f:
+        info = f.info
+        if info.version != 1:
+            raise ValueError(f"{field}: ilf:version: expected 1, found {info.version} (ilflamps --compose writes 1)")
+        if not (0 <= i < info.n_u and 0 <= j < info.n_v):
+            raise ValueError(f"{field}: expected a node of {info.n_u} x {info.n_v}, found {i}_{j}")
+        keep = {"ilf:polarMax": info.polar_max}
+        if info.polar_valid < info.polar_max:
+            keep["ilf:polarValid"] = info.polar_valid
+        return np.ascontiguousarray(f.probe(i, j)), keep
 
 
 def main():

@@ -54,6 +54,11 @@ for p in "$@"; do
     [ "$p" != -- ] || mark=
     [ "$p" = -- ] || ln -sf "../../../bin/$mark$p" "$dest/lib/ilf/bin/$p"
 done
+# the Python package, to be installed by pip, which finds libilf beside it
+(cd python && find . -type f ! -path '*/__pycache__/*') | while IFS= read -r f; do
+    mkdir -p "$(dirname "$dest/share/ilf/python/$f")"
+    put 644 "python/$f" "$dest/share/ilf/python/$f"
+done
 put 644 LICENSE "$doc/LICENSE"
 [ ! -f "$build/radiance/src/License.txt" ] || put 644 "$build/radiance/src/License.txt" "$doc/Radiance-License.txt"
 for f in "$build0"/doc/*; do [ ! -f "$f" ] || put 644 "$f" "$doc/$(basename "$f")"; done

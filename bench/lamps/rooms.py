@@ -8,7 +8,7 @@
 
 score compares radiance along the rays of a quadrature (lamps, 8 degrees round them, the rest) at 75 points, .02, .1 and .3 m above the
 plane, with the room itself.  Figures in %: up (rms error of irradiance upwards, of its mean), side (the same for four sides), rad
-(mean of the integral of |L - L_true| cos over E), worst (largest single up).  Needs numpy, OpenEXR, build/test/caster.so (make makes it);
+(mean of the integral of |L - L_true| cos over E), worst (largest single up).  Needs numpy, the package ilf (python/), build/test/caster.so (make makes it);
 ilflamps on PATH.
 """
 import ctypes, json, os, subprocess, sys, tempfile
@@ -242,17 +242,14 @@ def rotation(v):
 
 
 def make(room, n_u, n_v, n_theta, n_phi, path, noise=0, gain=0, move=0, turn=0, seed=1):
-    import OpenEXR
+    import ilf
     rng, img = R(seed), np.zeros((n_v, n_phi, n_u, n_theta, 3), np.float32)
     for j in range(n_v):
         for i in range(n_u):
             p = room.probe(np.r_[-.5 + i / max(1, n_u - 1), -.5 + j / max(1, n_v - 1), 0] + move * rng.normal(size=3) * (1, 1, 0), n_theta, n_phi,
                            turn=rotation(np.radians(turn) * rng.normal(size=3)))
             img[j, :, i] = p * (1 + noise * rng.normal(size=p.shape)).clip(0) * (1 + gain * rng.normal())
-    td = OpenEXR.TileDescription(); td.xSize, td.ySize = n_theta, n_phi
-    h = {"type": OpenEXR.tiledimage, "compression": OpenEXR.ZIP_COMPRESSION, "tiles": td, "ilf:version": 1, "ilf:polarMax": float(np.pi / 2),
-         "ilf:origin": np.array([-.5, -.5, 0], np.float32), "ilf:U": np.array([1, 0, 0], np.float32), "ilf:V": np.array([0, 1, 0], np.float32)}
-    with OpenEXR.File(h, {"RGB": img.reshape(n_v * n_phi, n_u * n_theta, 3)}) as f: f.write(path)
+    ilf.write(path, img.swapaxes(1, 2), origin=(-.5, -.5, 0), U=(1, 0, 0), V=(0, 1, 0), compression="zip")
 
 
 def walls(room):

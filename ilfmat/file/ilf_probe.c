@@ -241,19 +241,44 @@ void ilf_unpeek_probe(const ilf *f, const unsigned char *pix, void *own)
     if (to > from) madvise((void *)from, to - from, MADV_DONTNEED);
 }
 
-ilf_status ilf_read_probe(float *rgb, const ilf *f, int i, int j, ilf_error *err)
+/* Probe (i, j) ready, its texels at *pix. */
+static ilf_status need_texels(const unsigned char **pix, const ilf *f, int i, int j, ilf_error *err)
 {
     if (i < 0 || j < 0 || i >= f->info.n_u || j >= f->info.n_v)
         return ilf_fail(err, ILF_ERR_ARG, "%s: probe (%d,%d): expected one of %dx%d", f->path, i, j,
                         f->info.n_u, f->info.n_v);
     const int64_t k = (int64_t)j * f->info.n_u + i;
     const ilf_status st = ilf_need_probe(f, k, err);
+    if (st == ILF_OK) *pix = atomic_load_explicit(&f->pix[k], memory_order_acquire);
+    return st;
+}
+
+ilf_status ilf_read_probe(float *rgb, const ilf *f, int i, int j, ilf_error *err)
+{
+    const unsigned char *pix = NULL;
+    const ilf_status st = need_texels(&pix, f, i, j, err);
+
     if (st != ILF_OK) return st;
-    const unsigned char *pix = f->pix[k];
     for (int y = 0; y < f->info.n_phi; y++)
         for (int x = 0; x < f->info.n_theta; x++)
             for (int c = 0; c < 3; c++)
                 *rgb++ = ilf_texel(f, pix + (size_t)y * f->row_bytes + f->chan_offset[c] +
                                           (size_t)x * f->pixel_bytes);
+    return ILF_OK;
+}
+
+ilf_status ilf_view_probe(ilf_view *view, const ilf *f, int i, int j, ilf_error *err)
+{
+    const unsigned char *pix = NULL;
+    const ilf_status st = need_texels(&pix, f, i, j, err);
+
+    if (st != ILF_OK) return st;
+    /* in both orders the channels are evenly apart: B G R of a row, or R G B of a texel */
+    *view = (ilf_view){.red = pix + f->chan_offset[0],
+                       .type = f->is_half ? ILF_HALF : ILF_FLOAT,
+                       .row = (ptrdiff_t)f->row_bytes,
+                       .column = (ptrdiff_t)f->pixel_bytes,
+                       .channel = (ptrdiff_t)f->chan_offset[1] - (ptrdiff_t)f->chan_offset[0],
+                       .in_file = !f->probes[(int64_t)j * f->info.n_u + i].decoded};
     return ILF_OK;
 }

@@ -5,6 +5,7 @@ A man page's commands stand in its section EXAMPLES between .EX and .EE, README'
 import re
 import shutil
 import subprocess
+import sys
 from contextlib import nullcontext
 
 import example_inputs
@@ -18,6 +19,7 @@ PAGES = sorted([*(TOP / "man").glob("*.1"), TOP / "man" / "ilf.7"])
 # pictures are small and coarse.
 SHELL = f"""
 make() {{ case "$*" in *CAPTURE=*) command make -n -C {TOP} BUILD={BUILD} "$@" >made 2>&1 || {{ cat made >&2; return 1; }};; *) command make -C {TOP} "$@";; esac; }}
+python() {{ {sys.executable} "$@"; }}
 rpict() {{ command rpict "${{@:1:$#-1}}" -x 24 -y 18 -ad 32 -as 8 "${{@: -1}}"; }}
 """
 

@@ -4,9 +4,10 @@ import io
 import numpy as np
 import pytest
 
-from conftest import run, sweep
-from ilf_util import (ILF, MIRROR_ARRAY_VALID, PI, POLAR_MAX, assert_same, directional_ilf, random_directions,
+from conftest import driver, environment, run, sweep
+from ilf_util import (ILF, Lamp, MIRROR_ARRAY_VALID, PI, POLAR_MAX, assert_same, directional_ilf, random_directions,
                       random_ilf, rays_text, read_mosaic, unit, unmosaic, write_ilf)
+from process import execute
 
 INF = np.inf
 
@@ -388,6 +389,16 @@ def test_ilftrace_does_not_depend_on_threads(tmp_path):
     one = run("ilftrace", "--threads", 1, path, stdin=text).out
     assert one == run("ilftrace", "--threads", 2, path, stdin=text).out
     assert one == run("ilftrace", path, stdin=text).out
+
+
+@pytest.mark.parametrize("lit", [False, True])
+def test_many_rays_at_once_are_as_one_by_one(tmp_path, lit):
+    """ilf_eval_many against ilf_eval, bit by bit, for several numbers of threads (tests/c/ilfmany.c)."""
+    f = random_ilf(np.random.default_rng(31), 4, 3, 16, 8, half=not lit)
+    if lit:
+        f.lamps = [Lamp("sphere", (.5, .5, 1.5), (9, 8, 7), radius=.5), Lamp("rectangle", (-1, .3, 2), (1, 2, 30), a=(.7, 0, 0), b=(0, .6, .1))]
+    p = execute([driver("ilfmany"), write_ilf(tmp_path / "f.ilf.exr", f, half=not lit), 20001], env=environment(), capture_output=True, text=True)
+    assert p.returncode == 0 and p.stderr == "" and len(p.stdout.splitlines()) == 2, p.stderr
 
 
 def test_ilftrace_nothing_in_nothing_out(tmp_path):

@@ -3,6 +3,7 @@ import os
 import re
 import shutil
 import stat
+import sys
 
 import numpy as np
 import pytest
@@ -167,6 +168,15 @@ def test_library_is_found_by_pkg_config(installed, tmp_path, kind):
     p = execute(["sh", "-c", f"eval gcc -o t t.c '{flags}' {sanitized} && LD_LIBRARY_PATH='{tree}/lib' ./t"], cwd=tmp_path,
                 capture_output=True, text=True)
     assert p.returncode == 0 and p.stdout == "1\n", p.stderr
+
+
+def test_the_python_package_is_installed_by_pip(installed, tmp_path):
+    tree, _ = installed
+    p = execute([sys.executable, "-m", "pip", "install", "-q", "--no-index", "--no-build-isolation", "--no-deps", "--disable-pip-version-check",
+                 "--target", tmp_path / "packages", tree / "share/ilf/python"], env=environment(), capture_output=True, text=True)
+    assert p.returncode == 0, p.stderr
+    assert (tmp_path / "packages/ilf/libilf.so.0").read_bytes() == (tree / "lib/libilf.so").read_bytes()
+    assert (tmp_path / "packages/ilf/include/ilf.h").is_file() and (tmp_path / "packages/ilf/_field.py").is_file()
 
 
 def test_the_shared_library_shows_what_the_header_declares(installed):

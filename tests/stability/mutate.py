@@ -39,6 +39,8 @@ MUTATIONS = {
     "half-blue-lost": ("ilfmat/lookup/ilf_eval_avx2.c", "pair(g, x0, x1, apart), pair(b, x0, x1, apart)));", "pair(g, x0, x1, apart), pair(g, x0, x1, apart)));", TRACE, EVAL + "test_ilftrace_reads_each_compression"),
     "any-ray-differs": ("ilfmat/lookup/ilf_eval.c", "at.top = fmax(2 * fy + 1, 0);", "at.top = 1;", "build/test/ilfboth", "tests/ilfmat/test_ilf_interleaved.py::test_any_ray_and_usual_rays[half-sphere]"),
     "second-part-believed": ("ilfmat/file/ilf_probe.c", "(p->checked || ilf_same_texels(f, f->map + second.data_offset, chunk.data_offset))", "1", TRACE + " build/bin/ilfinfo build/test/ilfboth build/test/ilfcopy", "tests/ilfmat/test_ilf_interleaved.py::test_edited_first_part_counts"),
+    "infinity-taken-as-a-hit": ("ilfmat/lookup/ilf_many.c", "return h && !isinf(h[0]) && !isinf(h[1]) && !isinf(h[2]) ? h : NULL;", "return h;", "build/test/ilfmany", EVAL + "test_many_rays_at_once_are_as_one_by_one[False]"),
+    "last-ray-forgotten": ("ilfmat/lookup/ilf_many.c", "n - from < PIECE ? n : from + PIECE", "n - from < PIECE ? n - 1 : from + PIECE", "build/test/ilfmany", EVAL + "test_many_rays_at_once_are_as_one_by_one[False]"),
     # ---- the file
     "truncation-unseen": ("common/exr/exr_tiles.c", "exr_tile_head(head, w->several).size <= w->end - at - bytes", "1", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),
     "table-unchecked": ("common/exr/exr_tiles.c", "if (at < first || at >= file_bytes) {", "if (0) {", TRACE, LOOKUP + "test_truncation_is_seen_at_once"),

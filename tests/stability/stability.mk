@@ -2,7 +2,7 @@
 
 STABILITY = ILF_BUILD=$(B) ILF_STABILITY_TABLE=$(B)/stability.csv $(PY) -m pytest -q -p no:cacheprovider -n $(TEST_JOBS) --dist loadfile \
 	tests/stability $$($(PY) tests/stability/elsewhere.py) $(TEST_ARGS)
-STABILITY_NEEDS = $(B0)/.debs-test all $(TEST_DRIVERS) $(REPLAYS) $(SHIM) $(VENV)/.packages
+STABILITY_NEEDS = $(B0)/.debs-test all $(TEST_DRIVERS) $(REPLAYS) $(SHIM) $(VENV)/.ilf
 
 SHIM := $(B)/test/faultshim.so $(B)/test/memoryshim.so
 $(SHIM): $(B)/test/%.so: tests/stability/%.c | $(B0)/.debs-tools
