@@ -62,6 +62,19 @@ function onPlane(f, x, y) {
     return e.map((v, c) => v + more[c]);
 }
 
+/* Least and largest illuminance of the plane, lx, as a scale: all of it fits, half a decade at least. */
+function planScaleOf(fields) {
+    let lo = Infinity, hi = 0;
+    for (const f of fields)
+        for (let k = 0; k < 4096; k++) {
+            const e = luminance(onPlane(f, (k % 64) / 63 * f.size[0], Math.floor(k / 64) / 63 * f.size[1]));
+            if (e > 0) { lo = Math.min(lo, e); hi = Math.max(hi, e); }
+        }
+    if (!(hi > 0)) return {lowest: 0, decades: 1, most: 1};
+    const top = Math.log10(hi), decades = clamp(top - Math.log10(lo), 0.5, 5);
+    return {lowest: top - decades, decades, most: hi};
+}
+
 /* The probes around a place, nearest first: [i, j, weight]. */
 function around(f, x, y) {
     const s = clamp(x / f.size[0], 0, 1) * (f.grid[0] - 1), t = clamp(y / f.size[1], 0, 1) * (f.grid[1] - 1);

@@ -6,11 +6,37 @@ function complain(words) {
     byId("message").textContent = words;
 }
 
+/* A scale with its numbers: 1, 2 and 5 of each decade, as many as there is room for. */
+function drawScale(c, {lowest, decades}, words) {
+    const g = c.getContext("2d"), w = c.width, h = 24;
+    for (let x = 0; x < w; x++) {
+        g.fillStyle = `rgb(${falseColour(10 ** (lowest + (x + 0.5) / w * decades), lowest, decades).map(Math.round).join()})`;
+        g.fillRect(x, 0, 1, h);
+    }
+    g.fillStyle = "#fff";
+    g.fillRect(0, h, w, c.height - h);
+    g.fillStyle = "#000";
+    g.font = "21px system-ui, sans-serif";
+    let end = 0;
+    for (let d = Math.floor(lowest); d <= lowest + decades; d++)
+        for (const m of decades > 3 ? [1] : [1, 2, 5]) {
+            const v = m * 10 ** d, x = (Math.log10(v) - lowest) / decades * w, wide = g.measureText(words(v)).width, left = clamp(x - wide / 2, 0, w - wide);
+            if (x < 0 || x > w) continue;
+            g.fillRect(x, h, 2, 9);
+            if (left < end) continue;
+            g.fillText(words(v), left, h + 31);
+            end = left + wide + 16;
+        }
+}
+
 class App {
     constructor() {
         this.fields = readFields();
         this.fields.forEach((f) => { f.surface = 0; });
         this.white = Math.max(...this.fields.map(whiteOf)) || 1;
+        this.planScale = planScaleOf(this.fields);
+        /* so that the brightest place's ball is not all white */
+        this.mattStops = Math.min(0, Math.floor(Math.log2(this.white / (0.8 / Math.PI * this.planScale.most))));
         this.reset();
         this.look = null;
         if (!location.hash.includes("nogl"))
@@ -75,31 +101,8 @@ class App {
         this.waiting = false;
         const tone = this.tone();
         this.showControls();
-        this.drawLegend(tone);
+        drawScale(byId("legend"), tone, (v) => `${said(v)} cd/m²`);
         this.panels.forEach((p) => p.draw(tone));
-    }
-
-    drawLegend(tone) {
-        const c = byId("legend"), g = c.getContext("2d"), w = c.width, h = 24;
-        g.clearRect(0, 0, w, c.height);
-        for (let x = 0; x < w; x++) {
-            g.fillStyle = `rgb(${falseColour(10 ** (tone.lowest + (x + 0.5) / w * tone.decades), tone.lowest, tone.decades).map(Math.round).join()})`;
-            g.fillRect(x, 0, 1, h);
-        }
-        g.fillStyle = "#fff";
-        g.fillRect(0, h, w, c.height - h);
-        g.fillStyle = "#000";
-        g.font = "19px system-ui, sans-serif";
-        const every = Math.ceil(tone.decades / 4);
-        let end = 0;
-        for (let d = Math.ceil(tone.lowest); d <= tone.lowest + tone.decades; d++) {
-            const x = (d - tone.lowest) / tone.decades * w, words = `${said(10 ** d)} cd/m²  ${said(Math.PI * 10 ** d, 3)} lx`, wide = g.measureText(words).width;
-            g.fillRect(x, h, 2, 9);
-            const left = clamp(x - wide / 2, 0, w - wide);
-            if (left < end || (d - Math.ceil(tone.lowest)) % every) continue;
-            g.fillText(words, left, h + 30);
-            end = left + wide + 12;
-        }
     }
 
     /* ---- the bar ---- */

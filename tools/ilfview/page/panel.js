@@ -17,16 +17,17 @@ class Panel {
         this.viewCanvas = canvas(`${f.name}: what arrives at the point; arrow keys turn it, plus and minus zoom`, true);
         this.mirrorCanvas = canvas("a mirror ball at the point");
         this.mattCanvas = canvas("a matt ball at the point");
+        this.planLegend = element("canvas", {class: "legendOfPlan", width: 800, height: 68, role: "img", "aria-label": "scale of the plan, lx"});
         this.table = element("table", {"aria-live": "polite"});
-        const figure = (name, words, c) => element("figure", {class: name}, c, element("figcaption", {}, words));
+        const figure = (name, words, c) => element("figure", {class: name}, c, element("figcaption", {}, ...words));
         const stored = f.stored.join(" × "), here = f.texels.join(" × ");
         const facts = `${f.grid.join(" × ")} probes of ${here} texels${here === stored ? "" : ` (${stored} in the file)`}, ` +
             (f.lamps ? `${f.lamps} lamp${f.lamps > 1 ? "s" : ""} taken out` : "all light in the probes");
         this.root = element("section", {class: "field"},
             element("div", {class: "head"}, element("h2", {}, f.name), element("div", {}, facts)),
-            figure("plan", "the plane from above: u to the right, v up", this.planCanvas),
-            figure("view", "what arrives at the point", this.viewCanvas),
-            element("div", {class: "balls"}, figure("", "mirror ball", this.mirrorCanvas), figure("", "matt ball", this.mattCanvas)),
+            figure("plan", [this.planLegend, "the plane from above, irradiance of it: u to the right, v up"], this.planCanvas),
+            figure("view", ["what arrives at the point"], this.viewCanvas),
+            element("div", {class: "balls"}, figure("", ["mirror ball"], this.mirrorCanvas), figure("", [`matt ball${app.mattStops ? `, ${-app.mattStops} stops darker` : ""}`], this.mattCanvas)),
             element("div", {class: "words"}, this.table));
         this.plan = new Plan(this.planCanvas, f, k, app);
         this.listen();
@@ -80,6 +81,7 @@ class Panel {
     /* ---- pictures ---- */
 
     draw(tone) {
+        drawScale(this.planLegend, this.app.planScale, (v) => `${said(v)} lx`);
         this.plan.draw(tone, this.point());
         if (this.app.look) this.drawLight(tone);
         this.say();
@@ -92,15 +94,15 @@ class Panel {
             this.bundles = bundlesAt(app.look, f, k, o);
             app.look.setMatt(k, mattMap(this.bundles));
         }
-        const paint = (c, aspect, ask) => {
+        const paint = (c, aspect, ask, own = tone) => {
             const w = fitWidth(c), h = Math.round(w * aspect);
             if (c.height !== h) c.height = h;
-            app.look.picture(c.getContext("2d"), f, k, w, h, {at: o, ...ask}, tone);
+            app.look.picture(c.getContext("2d"), f, k, w, h, {at: o, ...ask}, own);
         };
         paint(this.viewCanvas, VIEW_ASPECT, this.viewAsk());
         this.cross();
         paint(this.mirrorCanvas, 1, {mode: 2, eye: eyeOf(app.yaw, -0.5), lens: [1.04, 1.04]});
-        paint(this.mattCanvas, 1, {mode: 3, eye: eyeOf(app.yaw, -0.5), lens: [1.04, 1.04]});
+        paint(this.mattCanvas, 1, {mode: 3, eye: eyeOf(app.yaw, -0.5), lens: [1.04, 1.04]}, {...tone, gain: tone.gain * 2 ** app.mattStops});
     }
 
     viewAsk() {

@@ -43,7 +43,7 @@ class Plan {
     paint(tone) {
         const f = this.f, w = Math.max(2, Math.round(f.size[0] * this.unit)), h = Math.max(2, Math.round(f.size[1] * this.unit));
         const c = this.paper, layer = this.app.layer;
-        const key = [w, h, layer, tone.stops, tone.decades, this.app.height].join();
+        const key = [w, h, layer, this.app.height].join(), scale = this.app.planScale;
         if (key === this.painted) return;
         this.painted = key;
         c.width = w;
@@ -56,7 +56,7 @@ class Plan {
         for (let y = 0; y < h; y++)
             for (let x = 0; x < w; x++) {
                 const e = onPlane(f, (x + 0.5) / w * f.size[0], (1 - (y + 0.5) / h) * f.size[1]);
-                const rgb = falseColour(luminance(e), tone.lowest + Math.log10(Math.PI), tone.decades);
+                const rgb = falseColour(luminance(e), scale.lowest, scale.decades);
                 image.data.set([...rgb, 255], 4 * (y * w + x));
             }
         c.getContext("2d").putImageData(image, 0, 0);
