@@ -4,7 +4,7 @@ import re
 import pytest
 from conftest import TOP, run
 
-OURS = "hdrgen fishremap falloffcal ilfpack ilfinfo ilftrace stagectl virtualstage virtualcamera ilflamps".split()
+OURS = "hdrgen fishremap falloffcal ilfpack ilfinfo ilftrace stagectl virtualstage virtualcamera ilflamps ilfview".split()
 WIDTH = 80
 
 

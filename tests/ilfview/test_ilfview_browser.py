@@ -3,11 +3,12 @@
 Values are read back from the page's own WebGL program, the one that paints, and compared with ilftrace.
 """
 import os
+import shutil
 import time
 
 import numpy as np
 import pytest
-from conftest import run
+from conftest import needed, run
 from ilf_util import random_directions, random_ilf, rays_text, write_ilf
 from page_util import decode
 from test_ilf_lamps import lamps_of, lit, masks_of, rays_at
@@ -21,12 +22,13 @@ PHONE, DESK = (400, 800), (1400, 1000)
 def browser():
     webdriver = pytest.importorskip("selenium.webdriver")
     options = webdriver.ChromeOptions()
-    options.binary_location = "/usr/bin/chromium"
+    needed("chromium", "chromedriver")
+    options.binary_location = shutil.which("chromium")
     for a in ("--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist",
               "--force-device-scale-factor=1", "--disable-dev-shm-usage"):
         options.add_argument(a)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    b = webdriver.Chrome(options=options, service=webdriver.ChromeService("/usr/bin/chromedriver"))
+    b = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
     b.set_script_timeout(300)
     yield b
     b.quit()

@@ -42,6 +42,7 @@ BELOW = {
     "tools/hdrgen": ["common/vision", "common/image", "common/exr", "common/base"],
     "tools/fishremap": ["common/vision", "common/image", "common/exr", "common/base", "ilfmat"],
     "tools/ilflamps": ["common/image", "common/base", "ilfmat", "ilfmat/lamps"],
+    "tools/ilfview": ["tools/ilflamps", "common/exr", "common/base", "ilfmat"],
     "tools/stagectl": ["common/image", "common/base"],
     "tools/twin": ["tools/stagectl", "common/image", "common/base"],
 }

@@ -32,11 +32,12 @@ static int choose_size(content *c, double bytes, errmsg *e)
         c->nt = (int)fmax(1, f->nt * s), c->np = (int)fmax(1, f->np * s);
         if (texel_bytes(f->n, c->nt, c->np) <= bytes) break;
         if (c->nt <= LEAST_SIDE || c->np <= LEAST_SIDE)
-            return err_set(e, "%s: --size-mb: expected room for its %d probes, found too little", c->name, f->n);
+            return err_set(e, "%s: --size-mb: expected room for its %d probes, found too little", c->name,
+                           f->n);
     }
     if (c->nt < f->nt || c->np < f->np)
-        cli_note("%s: probes of %d x %d texels made %d x %d to keep the page within --size-mb", c->name, f->nt, f->np,
-                 c->nt, c->np);
+        cli_note("%s: probes of %d x %d texels made %d x %d to keep the page within --size-mb", c->name,
+                 f->nt, f->np, c->nt, c->np);
     return 0;
 }
 
@@ -155,14 +156,16 @@ static int choose_pictures(content *c, double bytes, errmsg *e)
 {
     double factor = 1;
 
-    while (((double)all_samples(c, factor) * 4 * BASE64 > bytes / 2 || all_samples(c, factor) > 1 << 24) && factor < 1000)
+    while (((double)all_samples(c, factor) * 4 * BASE64 > bytes / 2 || all_samples(c, factor) > 1 << 24) &&
+           factor < 1000)
         factor *= 1.1;
     c->picture_factor = factor, c->n_pictures = all_samples(c, factor);
     if (factor >= 1000)
         return err_set(e, "%s: --size-mb: expected room for what hides its lamps, found too little", c->name);
     if (factor > 1)
-        cli_note("%s: pictures of what hides its lamps made %.3g times coarser to keep the page within --size-mb", c->name,
-                 factor);
+        cli_note(
+            "%s: pictures of what hides its lamps made %.3g times coarser to keep the page within --size-mb",
+            c->name, factor);
     return 0;
 }
 
@@ -190,7 +193,8 @@ static int encode_lamps(content *c, double bytes, errmsg *e)
     c->lamp_rows = calloc((size_t)c->n_lamps + 1, VIEW_ROW * sizeof(float));
     c->mask_rows = calloc((size_t)c->n_masks + 1, VIEW_ROW * sizeof(float));
     c->pictures = malloc((size_t)(c->n_pictures + 1) * sizeof(float));
-    if (!c->lamp_rows || !c->mask_rows || !c->pictures) return err_set(e, "%s: no memory for its lamps", c->name);
+    if (!c->lamp_rows || !c->mask_rows || !c->pictures)
+        return err_set(e, "%s: no memory for its lamps", c->name);
     fill_lamps(c);
     return 0;
 }
@@ -209,7 +213,8 @@ static int light_plane(content *c, errmsg *e)
     c->irradiance = malloc((size_t)f->n * 3 * sizeof(float));
     if (c->n_lamps) c->ex = points(f->len_u, f->size), c->ey = points(f->len_v, f->size);
     c->lamp_light = calloc((size_t)c->ex * (size_t)c->ey * 3 + 1, sizeof(float));
-    if (!c->irradiance || !c->lamp_light) return err_set(e, "%s: no memory for the light on its plane", c->name);
+    if (!c->irradiance || !c->lamp_light)
+        return err_set(e, "%s: no memory for the light on its plane", c->name);
     for (int k = 0; k < f->n; k++) {
         double rgb[3];
         irradiance_probe(rgb, f, k);
@@ -234,7 +239,8 @@ static int offer_surfaces(content *c, const surface_given *given, errmsg *e)
     if (!given || given->kind != SURFACE_FAR) surface_far(&c->surfaces[c->n_surfaces++]);
     if (given) return 0;
     if (several)
-        cli_note("%s: the room is taken for a %s: probes' pictures of the same point of it differ by %.2g %% (mean); "
+        cli_note("%s: the room is taken for a %s: probes' pictures of the same point of it differ by %.2g %% "
+                 "(mean); "
                  "--geometry names another",
                  c->name, box.words, 100 * expm1(mismatch));
     else cli_note("%s: the room is taken for a %s; --geometry names another", c->name, c->surfaces[0].words);
@@ -253,8 +259,9 @@ int content_read(content *c, const char *path, double bytes, const surface_given
     if (ilf_open(&c->file, path, &err) != ILF_OK) return err_set(e, "%s", err.text);
     c->lamps = ilf_get_luminaires(&c->n_lamps, c->file);
     if (encode_lamps(c, bytes, e) || light_plane(c, e)) return -1;
-    const double rest = bytes - BASE64 * 4 * ((double)c->n_pictures + VIEW_ROW * (c->n_lamps + c->n_masks) +
-                                              3. * c->ex * c->ey + 3. * c->field.n);
+    const double rest = bytes - BASE64 * 4 *
+                                    ((double)c->n_pictures + VIEW_ROW * (c->n_lamps + c->n_masks) +
+                                     3. * c->ex * c->ey + 3. * c->field.n);
     return choose_size(c, rest, e) || encode_probes(c, e) || offer_surfaces(c, given, e) ? -1 : 0;
 }
 

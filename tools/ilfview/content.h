@@ -20,16 +20,16 @@ typedef struct content {
     ilf *file;                  /* open for its lamps */
     const ilf_luminaire *lamps; /* of file */
     int n_lamps, n_masks;
-    int nt, np;         /* texels of a probe in the page */
-    int scale;          /* log2 */
-    uint16_t *texels;   /* n probes of (nt*np + 2)*3 */
-    float *lamp_rows;   /* n_lamps; number 20: its first mask's index */
-    float *mask_rows;   /* n_masks; number 20: where its picture begins */
-    float *pictures;    /* n_pictures samples */
+    int nt, np;       /* texels of a probe in the page */
+    int scale;        /* log2 */
+    uint16_t *texels; /* n probes of (nt*np + 2)*3 */
+    float *lamp_rows; /* n_lamps; number 20: its first mask's index */
+    float *mask_rows; /* n_masks; number 20: where its picture begins */
+    float *pictures;  /* n_pictures samples */
     int64_t n_pictures;
     double picture_factor; /* pictures' sides were divided by it */
-    float *irradiance;  /* of the probes, n*3 */
-    float *lamp_light;  /* on the plane, ex*ey*3; none without lamps */
+    float *irradiance;     /* of the probes, n*3 */
+    float *lamp_light;     /* on the plane, ex*ey*3; none without lamps */
     int ex, ey;
     surface surfaces[4]; /* the first is the one to begin with */
     int n_surfaces;

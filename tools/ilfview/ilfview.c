@@ -33,14 +33,16 @@ static const cli_opt options[] = {
     {"size-mb", 0, CLI_DOUBLE, &size_mb, NULL, "MB",
      "the page's largest size (default 20 megabytes): probes are made smaller until it fits"},
     {"geometry", 0, CLI_CALL, NULL, one_geometry, "WORDS",
-     "auxiliary geometry to begin with, in the scene's coordinates: none, \"sphere X Y Z RADIUS\" or \"box X0 Y0 Z0 X1 "
+     "auxiliary geometry to begin with, in the scene's coordinates: none, \"sphere X Y Z RADIUS\" or \"box "
+     "X0 Y0 Z0 X1 "
      "Y1 Z1\" (default: a box estimated from the probes, of a single probe a sphere)"},
     {0}};
 
-static const cli_prog prog = {
-    "ilfview", "-o VIEW.html FILE [FILE2]", "Make a page to look at one light field, or at two side by side.", options,
-    "The page is a single file that any browser with WebGL2 opens: the plane from above with the light on it, and what "
-    "arrives at a point of it.\n"};
+static const cli_prog prog = {"ilfview", "-o VIEW.html FILE [FILE2]",
+                              "Make a page to look at one light field, or at two side by side.", options,
+                              "The page is a single file that any browser with WebGL2 opens: the plane from "
+                              "above with the light on it, and what "
+                              "arrives at a point of it.\n"};
 
 static void check_usage(int n)
 {

@@ -10,3 +10,13 @@ $(B)/gen/ilfview_page.inc: $(VIEW_PAGE) tools/ilfview/ilfview.mk
 	    tools/ilfview/page/page.html | sed -e 's/\\/\\\\/g' -e 's/"/\\"/g' -e 's/^/"/' -e 's/$$/\\n"/' >$@
 $(B)/obj/tools/ilfview/page.o: override CPPFLAGS += -I$(B)/gen
 $(B)/obj/tools/ilfview/page.o: $(B)/gen/ilfview_page.inc
+
+# the page's own tests: ILF_BROWSER=FOLDER keeps pictures of it
+DEBS_VIEW := chromium chromium-driver
+$(B0)/.debs-view: setup/debs.sh tools/ilfview/ilfview.mk | $(B0)/.debs-tools
+	@sh setup/debs.sh $(DEBS_VIEW) && touch $@
+$(VENV)/.selenium: $(VENV)/.packages
+	@$(PY) -m pip install -q --disable-pip-version-check 'selenium>=4.20' && touch $@
+.PHONY: test-view
+test-view: $(B0)/.debs-view $(VENV)/.selenium $(B)/bin/ilfview $(B)/bin/ilftrace
+	ILF_BUILD=$(B) ILF_BROWSER=$(or $(ILF_BROWSER),1) $(PY) -m pytest -q -p no:cacheprovider tests/ilfview $(TEST_ARGS)

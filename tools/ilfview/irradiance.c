@@ -65,8 +65,8 @@ static void add_lamp(double sum[3], const lightfield *f, const ilf_luminaire *la
 {
     for (int s = 0; s < SIDE * SIDE; s++) {
         double d[3];
-        const double pdf = ilf_luminaire_sample(d, &lamps[k], o, (s % SIDE + .5) / SIDE,
-                                                ((double)(s / SIDE) + .5) / SIDE);
+        const double pdf =
+            ilf_luminaire_sample(d, &lamps[k], o, (s % SIDE + .5) / SIDE, ((double)(s / SIDE) + .5) / SIDE);
         if (!(pdf > 0) || d[2] <= 0 || !first(lamps, n, k, o, d)) continue;
         const double pass = ilf_luminaire_pass(&lamps[k], o, d), w = d[2] / pdf / (SIDE * SIDE);
         const float *rest = behind(f, o, d);
@@ -85,6 +85,7 @@ void irradiance_lamps(float *rgb, int nx, int ny, const lightfield *f, const ilf
             double sum[3] = {0, 0, 0};
             for (int k = 0; k < n; k++)
                 if (!put_out(&lamps[k])) add_lamp(sum, f, lamps, n, k, o);
-            for (int c = 0; c < 3; c++) rgb[((size_t)j * (size_t)nx + (size_t)i) * 3 + (size_t)c] = (float)sum[c];
+            for (int c = 0; c < 3; c++)
+                rgb[((size_t)j * (size_t)nx + (size_t)i) * 3 + (size_t)c] = (float)sum[c];
         }
 }

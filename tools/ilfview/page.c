@@ -32,8 +32,7 @@ static void put_group(coder *c, int digits)
 {
     static const char alphabet[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
-    for (int k = 0; k < 4; k++)
-        putc(k < digits ? alphabet[c->bits >> (18 - 6 * k) & 63] : '=', c->to);
+    for (int k = 0; k < 4; k++) putc(k < digits ? alphabet[c->bits >> (18 - 6 * k) & 63] : '=', c->to);
     c->bits = 0, c->held = 0;
 }
 
@@ -107,10 +106,10 @@ static void put_facts(FILE *to, const content *c)
 
     fprintf(to, "<script type=\"application/json\" class=\"facts\">{\"name\":");
     put_text(to, last_part(c->name));
-    fprintf(to, ",\"version\":%d,\"grid\":[%d,%d],\"texels\":[%d,%d],\"stored\":[%d,%d],\"scale\":%d", f->info.version,
-            f->nu, f->nv, c->nt, c->np, f->nt, f->np, c->scale);
-    fprintf(to, ",\"lamps\":%d,\"masks\":%d,\"pictures\":%lld,\"light\":[%d,%d],\"coarser\":%.9g", c->n_lamps, c->n_masks,
-            (long long)c->n_pictures, c->ex, c->ey, c->picture_factor);
+    fprintf(to, ",\"version\":%d,\"grid\":[%d,%d],\"texels\":[%d,%d],\"stored\":[%d,%d],\"scale\":%d",
+            f->info.version, f->nu, f->nv, c->nt, c->np, f->nt, f->np, c->scale);
+    fprintf(to, ",\"lamps\":%d,\"masks\":%d,\"pictures\":%lld,\"light\":[%d,%d],\"coarser\":%.9g", c->n_lamps,
+            c->n_masks, (long long)c->n_pictures, c->ex, c->ey, c->picture_factor);
     put_vector(to, "origin", f->frame.origin, 3);
     put_vector(to, "u", f->frame.u, 3);
     put_vector(to, "v", f->frame.v, 3);

@@ -25,10 +25,11 @@ int surface_parse(surface_given *g, const char *words, errmsg *e)
         g->kind = SURFACE_BOX;
         return 0;
     }
-    return err_set(e,
-                   "expected none, \"sphere X Y Z RADIUS\" or \"box X0 Y0 Z0 X1 Y1 Z1\" (lowest corner first), "
-                   "found \"%s\"",
-                   words);
+    return err_set(
+        e,
+        "expected none, \"sphere X Y Z RADIUS\" or \"box X0 Y0 Z0 X1 Y1 Z1\" (lowest corner first), "
+        "found \"%s\"",
+        words);
 }
 
 void surface_far(surface *s)
@@ -57,7 +58,8 @@ void surface_place(surface *s, const surface_given *g, const ilf_frame *f)
     if (g->kind == SURFACE_FAR) return;
     for (int k = 0; k < 3; k++) {
         mid[k] = v[k] - f->origin[k];
-        if (g->kind == SURFACE_BOX) mid[k] = (v[k] + v[3 + k]) / 2 - f->origin[k], half[k] = (v[3 + k] - v[k]) / 2;
+        if (g->kind == SURFACE_BOX)
+            mid[k] = (v[k] + v[3 + k]) / 2 - f->origin[k], half[k] = (v[3 + k] - v[k]) / 2;
     }
     for (int k = 0; k < 3; k++) {
         s->centre[0] += mid[k] * f->u[k];
@@ -65,9 +67,10 @@ void surface_place(surface *s, const surface_given *g, const ilf_frame *f)
         s->centre[2] += mid[k] * f->n[k];
     }
     scaled_axes(s, f, half);
-    if (g->kind == SURFACE_SPHERE)
-        snprintf(s->words, sizeof s->words, "sphere of radius %.4g (given)", r);
-    else snprintf(s->words, sizeof s->words, "box of %.4g x %.4g x %.4g (given)", 2 * half[0], 2 * half[1], 2 * half[2]);
+    if (g->kind == SURFACE_SPHERE) snprintf(s->words, sizeof s->words, "sphere of radius %.4g (given)", r);
+    else
+        snprintf(s->words, sizeof s->words, "box of %.4g x %.4g x %.4g (given)", 2 * half[0], 2 * half[1],
+                 2 * half[2]);
 }
 
 int surface_guess(surface *s, double *mismatch, const lightfield *f, errmsg *e)

@@ -15,7 +15,7 @@ typedef enum surface_kind { SURFACE_FAR, SURFACE_SPHERE, SURFACE_BOX } surface_k
 typedef struct surface {
     surface_kind kind;
     double centre[3];
-    double M[3][3]; /* rows */
+    double M[3][3];  /* rows */
     char words[128]; /* for a menu */
 } surface;
 

@@ -8,7 +8,8 @@ function complain(words) {
 
 /* A scale with its numbers: 1, 2 and 5 of each decade, as many as there is room for. */
 function drawScale(c, {lowest, decades}, words) {
-    const g = c.getContext("2d"), w = c.width, h = 24;
+    const w = fitWidth(c), unit = w / Math.max(1, c.clientWidth), h = Math.round(12 * unit), g = c.getContext("2d");
+    c.height = Math.round(34 * unit);
     for (let x = 0; x < w; x++) {
         g.fillStyle = `rgb(${falseColour(10 ** (lowest + (x + 0.5) / w * decades), lowest, decades).map(Math.round).join()})`;
         g.fillRect(x, 0, 1, h);
@@ -16,16 +17,16 @@ function drawScale(c, {lowest, decades}, words) {
     g.fillStyle = "#fff";
     g.fillRect(0, h, w, c.height - h);
     g.fillStyle = "#000";
-    g.font = "21px system-ui, sans-serif";
+    g.font = `${11 * unit}px system-ui, sans-serif`;
     let end = 0;
     for (let d = Math.floor(lowest); d <= lowest + decades; d++)
         for (const m of decades > 3 ? [1] : [1, 2, 5]) {
             const v = m * 10 ** d, x = (Math.log10(v) - lowest) / decades * w, wide = g.measureText(words(v)).width, left = clamp(x - wide / 2, 0, w - wide);
             if (x < 0 || x > w) continue;
-            g.fillRect(x, h, 2, 9);
+            g.fillRect(x, h, unit, 5 * unit);
             if (left < end) continue;
-            g.fillText(words(v), left, h + 31);
-            end = left + wide + 16;
+            g.fillText(words(v), left, h + 17 * unit);
+            end = left + wide + 10 * unit;
         }
 }
 

@@ -17,7 +17,7 @@ class Panel {
         this.viewCanvas = canvas(`${f.name}: what arrives at the point; arrow keys turn it, plus and minus zoom`, true);
         this.mirrorCanvas = canvas("a mirror ball at the point");
         this.mattCanvas = canvas("a matt ball at the point");
-        this.planLegend = element("canvas", {class: "legendOfPlan", width: 800, height: 68, role: "img", "aria-label": "scale of the plan, lx"});
+        this.planLegend = element("canvas", {class: "legendOfPlan", role: "img", "aria-label": "scale of the plan, lx"});
         this.table = element("table", {"aria-live": "polite"});
         const figure = (name, words, c) => element("figure", {class: name}, c, element("figcaption", {}, ...words));
         const stored = f.stored.join(" × "), here = f.texels.join(" × ");

@@ -72,7 +72,9 @@ class Plan {
         g.font = `${11 * dpr}px system-ui, sans-serif`;
         this.drawNodes(g, dpr);
         if (this.app.wide) this.drawSurface(g);
-        this.lamps().forEach((l, k) => this.drawLamp(g, l, k, dpr));
+        const lamps = this.lamps();
+        lamps.forEach((l) => l.masks.forEach((m) => this.drawMask(g, m)));
+        lamps.forEach((l, k) => this.drawLamp(g, l, k, dpr));
         this.drawPoint(g, point, dpr);
     }
 
@@ -117,10 +119,9 @@ class Plan {
 
     drawLamp(g, l, k, dpr) {
         const [x, y] = this.to(l.c[0], l.c[1]), e = this.canvas, pad = 9 * dpr, name = `${k + 1}`;
-        l.masks.forEach((m) => this.drawMask(g, m));
         g.setLineDash([]);
         g.strokeStyle = "#fff";
-        g.fillStyle = l.off ? "#777" : "#fe6a";
+        g.fillStyle = l.off ? "#777" : "#fe65";
         if (x > pad && y > pad && x < e.width - pad && y < e.height - pad && !l.far) {
             this.polygon(g, l.outline);
             g.fill();
@@ -144,7 +145,7 @@ class Plan {
         g.fillText(words, clamp(tip[0] - wide / 2, 2, e.width - wide - 2), clamp(tip[1] + (tip[1] < cy ? 20 : -12) * dpr, 12 * dpr, e.height - 3));
     }
 
-    /* A sheet as its shadow seen from above, a ball as its outline; what else shapes a lamp shows in the plan's layer. */
+    /* A sheet's edges and its picture's frame seen from above, a ball's outline; what else shapes a lamp shows in the plan's layer. */
     drawMask(g, m) {
         g.setLineDash([6, 4]);
         g.strokeStyle = "#f8c";
@@ -155,7 +156,7 @@ class Plan {
         }
         if (m.kind !== 0) return;
         const [x0, y1] = this.to(m.x0, m.y0 + (m.ny - 1) * m.dy), [x1, y0] = this.to(m.x0 + (m.nx - 1) * m.dx, m.y0);
-        g.drawImage(m.shade(), x0, y1, x1 - x0, y0 - y1);
+        g.drawImage(m.edges(), x0, y1, x1 - x0, y0 - y1);
         g.strokeRect(x0, y1, x1 - x0, y0 - y1);
     }
 
@@ -205,18 +206,21 @@ function lampOf(f, k) {
 function maskOf(f, k) {
     const r = f.maskRows.subarray(ROW * k, ROW * k + ROW);
     const m = {kind: r[0], link: r[1], coef: r.subarray(7, 13), plane: r.subarray(4, 7), nx: r[13], ny: r[14], x0: r[16], y0: r[17], dx: r[18], dy: r[19], at: r[20], words: MASKS[r[0]]};
-    m.shade = () => f.shades?.[k] || ((f.shades ||= {})[k] = shadeOf(f, m));
+    m.edges = () => f.edges?.[k] || ((f.edges ||= {})[k] = edgesOf(f, m));
     return m;
 }
 
-/* Dark where a sheet lets nothing through. */
-function shadeOf(f, m) {
+/* Where a sheet begins to let less than half of the light through: a line that leaves the plan's colours as they are. */
+function edgesOf(f, m) {
     const c = document.createElement("canvas"), image = new ImageData(m.nx, m.ny);
+    const opaque = (i, j) => {
+        const v = f.pictureSamples[m.at + clamp(j, 0, m.ny - 1) * m.nx + clamp(i, 0, m.nx - 1)];
+        return (m.link ? 1 / (1 + Math.exp(-v)) : v) < 0.5;
+    };
     for (let j = 0; j < m.ny; j++)
-        for (let i = 0; i < m.nx; i++) {
-            const v = f.pictureSamples[m.at + j * m.nx + i], pass = m.link ? 1 / (1 + Math.exp(-v)) : v;
-            image.data.set([0, 0, 0, 150 * clamp(1 - pass, 0, 1)], 4 * ((m.ny - 1 - j) * m.nx + i));
-        }
+        for (let i = 0; i < m.nx; i++)
+            if (opaque(i, j) && !(opaque(i - 1, j) && opaque(i + 1, j) && opaque(i, j - 1) && opaque(i, j + 1)))
+                image.data.set([255, 100, 190, 230], 4 * ((m.ny - 1 - j) * m.nx + i));
     c.width = m.nx;
     c.height = m.ny;
     c.getContext("2d").putImageData(image, 0, 0);
