@@ -99,5 +99,10 @@ function falseColour(value, lowest, decades) {
     return [0, 1, 2].map((c) => 255 * (RAMP[k][c] + (at - k) * (RAMP[k + 1][c] - RAMP[k][c])));
 }
 
-const said = (x, digits = 4) => Number.isFinite(x) ? (x === 0 ? "0" : Math.abs(x) >= 1e5 || Math.abs(x) < 1e-3 ? x.toExponential(digits - 1) : Number(x.toPrecision(digits)).toString()) : "–";
+function said(x, digits = 4) {
+    if (!Number.isFinite(x)) return "–";
+    const plain = x === 0 || (Math.abs(x) < 1e5 && Math.abs(x) >= 1e-3);
+    return plain ? Number(x.toPrecision(digits)).toString() : x.toExponential(digits - 1);
+}
+
 const saidAll = (v, digits) => v.map((x) => said(x, digits)).join(" ");

@@ -1,14 +1,17 @@
 /* WebGL2: the light fields' textures, and rays looked up: pictures to a canvas, numbers to arrays. */
 
-const FACE_WORDS = "This browser shows no WebGL 2, which draws the picture, the balls and what hides lamps. The plan and its numbers are here without it.";
+const FACE_WORDS = "This browser shows no WebGL 2, which draws the picture, the balls and what hides lamps. " +
+    "The plan and its numbers are here without it.";
+const NOT_TAKEN = "This browser's WebGL 2 does not take the page's program: ";
+const TOO_LARGE = "This browser's graphics take no textures as large as this light field's: make the page smaller (ilfview --size-mb).";
 
 class Look {
     /* Throws words where it can't. */
     constructor(fields) {
         this.canvas = document.createElement("canvas");
-        const gl = this.gl = this.canvas.getContext("webgl2", {alpha: true, premultipliedAlpha: false, antialias: false, preserveDrawingBuffer: true});
+        const gl = this.gl = this.canvas.getContext("webgl2", {premultipliedAlpha: false, antialias: false, preserveDrawingBuffer: true});
         if (!gl) throw new Error(FACE_WORDS);
-        this.canvas.addEventListener("webglcontextlost", (e) => { e.preventDefault(); complain("The graphics of this page were taken away by the browser: load it again."); });
+        this.canvas.addEventListener("webglcontextlost", () => complain("The browser took this page's graphics away: load it again."));
         const text = document.getElementById("shader").textContent;
         this.colours = this.program(text, "");
         this.values = this.program(text, "#define VALUES\n");
@@ -26,10 +29,10 @@ class Look {
             gl.shaderSource(s, source);
             gl.compileShader(s);
             gl.attachShader(p, s);
-            if (!gl.getShaderParameter(s, gl.COMPILE_STATUS)) throw new Error("This browser's WebGL 2 does not take the page's program: " + gl.getShaderInfoLog(s));
+            if (!gl.getShaderParameter(s, gl.COMPILE_STATUS)) throw new Error(NOT_TAKEN + gl.getShaderInfoLog(s));
         }
         gl.linkProgram(p);
-        if (!gl.getProgramParameter(p, gl.LINK_STATUS)) throw new Error("This browser's WebGL 2 does not take the page's program: " + gl.getProgramInfoLog(p));
+        if (!gl.getProgramParameter(p, gl.LINK_STATUS)) throw new Error(NOT_TAKEN + gl.getProgramInfoLog(p));
         const at = {};
         for (let k = gl.getProgramParameter(p, gl.ACTIVE_UNIFORMS) - 1; k >= 0; k--) {
             const name = gl.getActiveUniform(p, k).name.replace("[0]", "");
@@ -44,12 +47,14 @@ class Look {
         let shift = leastShift;
         while (n > most << shift && 2 << shift <= most) shift++;
         const w = 1 << shift, h = Math.max(1, Math.ceil(n / w));
-        if (h > most) throw new Error("This browser's graphics take no textures as large as this light field's: make the page smaller (ilfview --size-mb).");
+        if (h > most) throw new Error(TOO_LARGE);
         const t = gl.createTexture(), whole = Math.floor(n / w);
         gl.bindTexture(gl.TEXTURE_2D, t);
         gl.texStorage2D(gl.TEXTURE_2D, 1, formats[0], w, h);
-        if (whole) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, w, whole, formats[1], formats[2], data.subarray(0, whole * w * parts));
-        if (n > whole * w) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, whole, n - whole * w, 1, formats[1], formats[2], data.subarray(whole * w * parts, n * parts));
+        const put = (y, across, down, from, to) => gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, y, across, down, formats[1], formats[2],
+            data.subarray(from * parts, to * parts));
+        if (whole) put(0, w, whole, 0, whole * w);
+        if (n > whole * w) put(whole, n - whole * w, 1, whole * w, n);
         gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
         gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
         return {t, shift};
@@ -61,14 +66,14 @@ class Look {
             probes: this.texture(f.halves, f.halves.length / 3, 3, [gl.RGB16F, gl.RGB, gl.HALF_FLOAT], 11),
             rows: this.texture(rows, rows.length / 4, 4, [gl.RGBA32F, gl.RGBA, gl.FLOAT], 11),
             pictures: this.texture(f.pictures ? f.pictureSamples : new Float32Array(1), Math.max(f.pictures, 1), 1, [gl.R32F, gl.RED, gl.FLOAT], 11),
-            matt: this.texture(new Float32Array(32 * 17 * 4), 32 * 17, 4, [gl.RGBA32F, gl.RGBA, gl.FLOAT], 5),
+            matt: this.texture(new Float32Array(NORMALS[0] * NORMALS[1] * 4), NORMALS[0] * NORMALS[1], 4, [gl.RGBA32F, gl.RGBA, gl.FLOAT], 6),
         };
     }
 
     setMatt(k, light) {
         const gl = this.gl;
         gl.bindTexture(gl.TEXTURE_2D, this.sets[k].matt.t);
-        gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 32, 17, gl.RGBA, gl.FLOAT, light);
+        gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, ...NORMALS, gl.RGBA, gl.FLOAT, light);
     }
 
     /* What both programs ask for; `ask` overrides: mode, at, eye (right, up, forward), lens, lamp ... */
@@ -151,7 +156,7 @@ class Look {
 
 /* ---- light at a point, from all sides: 64 x 32 bundles of rays from above, each with its mean direction ---- */
 
-const BUNDLES = [64, 32];
+const BUNDLES = [64, 32], NORMALS = [64, 33];
 
 function bundlesAt(look, f, k, o) {
     const [nt, np] = BUNDLES, flux = new Float64Array(nt * np * 3), way = new Float64Array(nt * np * 3);
@@ -174,6 +179,10 @@ function bundlesAt(look, f, k, o) {
         }
     }
     for (let lamp = 0; lamp < f.lamps; lamp++) addLamp(look, f, k, o, lamp, add);
+    for (let k = 0; k < way.length; k += 3) {
+        const len = Math.hypot(way[k], way[k + 1], way[k + 2]) || 1;
+        for (let c = 0; c < 3; c++) way[k + c] /= len;
+    }
     return {flux, way};
 }
 
@@ -187,7 +196,8 @@ function addLamp(look, f, k, o, lamp, add) {
         for (let i = 0; i < n; i++) {
             const c = 1 - (i + 0.5) / n * gap, s = Math.sqrt(Math.max(0, 1 - c * c)), t = Math.PI * 2 * (j + 0.5) / n, at = 4 * (j * n + i);
             if (v[at] || v[at + 1] || v[at + 2])
-                add([0, 1, 2].map((a) => s * Math.cos(t) * x[a] + s * Math.sin(t) * y[a] + c * z[a]), 2 * Math.PI * gap / (n * n), v[at], v[at + 1], v[at + 2]);
+                add([0, 1, 2].map((a) => s * Math.cos(t) * x[a] + s * Math.sin(t) * y[a] + c * z[a]), 2 * Math.PI * gap / (n * n),
+                    v[at], v[at + 1], v[at + 2]);
         }
 }
 
@@ -203,22 +213,22 @@ function basis(n) {
 
 /* Irradiance of a surface that faces a normal. */
 function facing(bundles, n) {
-    const e = [0, 0, 0], {flux, way} = bundles;
+    const {flux, way} = bundles;
+    let r = 0, g = 0, b = 0;
     for (let k = 0; k < flux.length; k += 3) {
-        const len = Math.hypot(way[k], way[k + 1], way[k + 2]);
-        const c = len > 0 ? (way[k] * n[0] + way[k + 1] * n[1] + way[k + 2] * n[2]) / len : 0;
-        if (c > 0) { e[0] += c * flux[k]; e[1] += c * flux[k + 1]; e[2] += c * flux[k + 2]; }
+        const c = way[k] * n[0] + way[k + 1] * n[1] + way[k + 2] * n[2];
+        if (c > 0) { r += c * flux[k]; g += c * flux[k + 1]; b += c * flux[k + 2]; }
     }
-    return e;
+    return [r, g, b];
 }
 
-/* Of 32 x 17 normals, as the shader's map has them. */
+/* Of NORMALS, as the shader's map has them: columns around, rows from pole to pole, both included. */
 function mattMap(bundles) {
-    const light = new Float32Array(32 * 17 * 4);
-    for (let j = 0; j < 17; j++)
-        for (let i = 0; i < 32; i++) {
-            const t = (i / 32 * 2 - 1) * Math.PI, p = j / 16 * Math.PI;
-            light.set(facing(bundles, [Math.sin(p) * Math.cos(t), Math.sin(p) * Math.sin(t), Math.cos(p)]), 4 * (j * 32 + i));
+    const [nx, ny] = NORMALS, light = new Float32Array(nx * ny * 4);
+    for (let j = 0; j < ny; j++)
+        for (let i = 0; i < nx; i++) {
+            const t = (i / nx * 2 - 1) * Math.PI, p = j / (ny - 1) * Math.PI;
+            light.set(facing(bundles, [Math.sin(p) * Math.cos(t), Math.sin(p) * Math.sin(t), Math.cos(p)]), 4 * (j * nx + i));
         }
     return light;
 }

@@ -21,7 +21,8 @@ function drawScale(c, {lowest, decades}, words) {
     let end = 0;
     for (let d = Math.floor(lowest); d <= lowest + decades; d++)
         for (const m of decades > 3 ? [1] : [1, 2, 5]) {
-            const v = m * 10 ** d, x = (Math.log10(v) - lowest) / decades * w, wide = g.measureText(words(v)).width, left = clamp(x - wide / 2, 0, w - wide);
+            const v = m * 10 ** d, x = (Math.log10(v) - lowest) / decades * w, wide = g.measureText(words(v)).width;
+            const left = clamp(x - wide / 2, 0, w - wide);
             if (x < 0 || x > w) continue;
             g.fillRect(x, h, unit, 5 * unit);
             if (left < end) continue;
@@ -54,7 +55,8 @@ class App {
 
     reset() {
         const f = this.fields[0];
-        Object.assign(this, {stops: 0, falseColour: false, decades: 4, projection: 0, height: 0, layer: -1, wide: false, yaw: Math.PI / 2, pitch: 0.75, zoom: 1.2});
+        Object.assign(this, {stops: 0, falseColour: false, decades: 4, projection: 0, height: 0, layer: -1, wide: false,
+            yaw: Math.PI / 2, pitch: 0.75, zoom: 1.2});
         this.place = toScene(f, [f.size[0] / 2, f.size[1] / 2, 0]);
     }
 
@@ -89,7 +91,8 @@ class App {
 
     tone() {
         const top = Math.log10(this.white) + 1.5 - this.stops * Math.log10(2);
-        return {gain: 179 * 2 ** this.stops / this.white, lowest: top - this.decades, decades: this.decades, falseColour: this.falseColour, stops: this.stops};
+        return {gain: 179 * 2 ** this.stops / this.white, lowest: top - this.decades, decades: this.decades,
+            falseColour: this.falseColour, stops: this.stops};
     }
 
     later() {

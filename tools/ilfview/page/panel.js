@@ -1,6 +1,7 @@
 /* One light field's part of the page: its canvases, what the pointer does there, and its numbers in words. */
 
 const VIEW_ASPECT = 0.66;
+const ARROWS = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1]};
 
 const element = (tag, attributes, ...children) => {
     const e = document.createElement(tag);
@@ -18,6 +19,8 @@ class Panel {
         this.mirrorCanvas = canvas("a mirror ball at the point");
         this.mattCanvas = canvas("a matt ball at the point");
         this.planLegend = element("canvas", {class: "legendOfPlan", role: "img", "aria-label": "scale of the plan, lx"});
+        this.planWords = element("span", {});
+        this.mattWords = element("span", {});
         this.table = element("table", {"aria-live": "polite"});
         const figure = (name, words, c) => element("figure", {class: name}, c, element("figcaption", {}, ...words));
         const stored = f.stored.join(" × "), here = f.texels.join(" × ");
@@ -25,9 +28,9 @@ class Panel {
             (f.lamps ? `${f.lamps} lamp${f.lamps > 1 ? "s" : ""} taken out` : "all light in the probes");
         this.root = element("section", {class: "field"},
             element("div", {class: "head"}, element("h2", {}, f.name), element("div", {}, facts)),
-            figure("plan", [this.planLegend, "the plane from above, irradiance of it: u to the right, v up"], this.planCanvas),
+            figure("plan", [this.planLegend, this.planWords], this.planCanvas),
             figure("view", ["what arrives at the point"], this.viewCanvas),
-            element("div", {class: "balls"}, figure("", ["mirror ball"], this.mirrorCanvas), figure("", [`matt ball${app.mattStops ? `, ${-app.mattStops} stops darker` : ""}`], this.mattCanvas)),
+            element("div", {class: "balls"}, figure("", ["mirror ball"], this.mirrorCanvas), figure("", [this.mattWords], this.mattCanvas)),
             element("div", {class: "words"}, this.table));
         this.plan = new Plan(this.planCanvas, f, k, app);
         this.listen();
@@ -44,13 +47,20 @@ class Panel {
         const place = (e, c) => [e.offsetX / c.clientWidth * c.width, e.offsetY / c.clientHeight * c.height];
         const drag = (c, moved, over) => {
             let last = null;
-            c.addEventListener("pointerdown", (e) => { c.setPointerCapture(e.pointerId); last = place(e, c); c.focus(); moved(last, last); e.preventDefault(); });
+            c.addEventListener("pointerdown", (e) => {
+                c.setPointerCapture(e.pointerId);
+                last = place(e, c);
+                c.focus();
+                moved(last, last);
+                e.preventDefault();
+            });
             c.addEventListener("pointermove", (e) => { const p = place(e, c); if (last) { moved(p, last); last = p; } over(p); });
             for (const end of ["pointerup", "pointercancel"]) c.addEventListener(end, () => { last = null; });
             c.addEventListener("pointerleave", () => over(null));
         };
         drag(this.planCanvas, (p) => this.app.movePoint(this.f, ...this.plan.from(...p)), (p) => this.over("plan", p));
-        drag(this.viewCanvas, (p, q) => this.app.turn((q[0] - p[0]) / this.viewCanvas.width, (p[1] - q[1]) / this.viewCanvas.width), (p) => this.over("view", p));
+        drag(this.viewCanvas, (p, q) => this.app.turn((q[0] - p[0]) / this.viewCanvas.width, (p[1] - q[1]) / this.viewCanvas.width),
+            (p) => this.over("view", p));
         this.viewCanvas.addEventListener("wheel", (e) => { this.app.zoomBy(e.deltaY > 0 ? 1.1 : 1 / 1.1); e.preventDefault(); }, {passive: false});
         this.planCanvas.addEventListener("keydown", (e) => this.planKey(e));
         this.viewCanvas.addEventListener("keydown", (e) => this.viewKey(e));
@@ -62,7 +72,7 @@ class Panel {
     }
 
     planKey(e) {
-        const step = Math.max(...this.f.size) / (e.shiftKey ? 200 : 40), way = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1]}[e.key];
+        const step = Math.max(...this.f.size) / (e.shiftKey ? 200 : 40), way = ARROWS[e.key];
         if (!way) return;
         const p = this.point();
         this.app.movePoint(this.f, p[0] + step * way[0], p[1] + step * way[1]);
@@ -70,7 +80,7 @@ class Panel {
     }
 
     viewKey(e) {
-        const step = 0.05, way = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1]}[e.key];
+        const step = 0.05, way = ARROWS[e.key];
         if (way) this.app.turn(way[0] * step, way[1] * step);
         else if (e.key === "+" || e.key === "=") this.app.zoomBy(1 / 1.1);
         else if (e.key === "-") this.app.zoomBy(1.1);
@@ -81,10 +91,20 @@ class Panel {
     /* ---- pictures ---- */
 
     draw(tone) {
-        drawScale(this.planLegend, this.app.planScale, (v) => `${said(v)} lx`);
+        this.explain();
         this.plan.draw(tone, this.point());
         if (this.app.look) this.drawLight(tone);
         this.say();
+    }
+
+    /* What the plan and the matt ball show. */
+    explain() {
+        const {app, f} = this, lamp = app.layer >= 0 && app.layer < f.lamps;
+        this.planLegend.hidden = lamp;
+        if (!lamp) drawScale(this.planLegend, app.planScale, (v) => `${said(v)} lx`);
+        this.planWords.textContent = "the plane from above, u to the right, v up: " +
+            (lamp ? `white where all of lamp ${app.layer + 1} comes, black where nothing of it does` : "its irradiance");
+        this.mattWords.textContent = app.mattStops && !app.falseColour ? `matt ball, ${-app.mattStops} stops darker` : "matt ball";
     }
 
     drawLight(tone) {
@@ -144,10 +164,11 @@ class Panel {
             put("light there, from above", `${said(luminance(e))} lx, R G B ${saidAll(e)}`);
         }
         if (this.pointer?.where === "plan") this.sayPlan(put, this.plan.from(...this.pointer.p));
-        else if (this.app.look) this.sayRay(put, o, this.pointer ? this.directionAt(this.pointer.p) : this.directionAt([this.viewCanvas.width / 2, this.viewCanvas.height / 2]));
+        else if (this.app.look) this.sayRay(put, o, this.directionAt(this.pointer?.p || [this.viewCanvas.width / 2, this.viewCanvas.height / 2]));
         for (let k = 0; k < f.lamps; k++) {
             const l = lampOf(f, k), hides = l.masks.map((m) => m.words).join(", ") || "nothing";
-            put(`lamp ${k + 1}`, `${l.off ? "put out; " : ""}${l.shape} at ${saidAll(toScene(f, l.c), 3)}${l.far ? ", far away" : ""}, ${said(luminance(l.rgb), 3)} cd/m²; behind ${hides}`);
+            put(`lamp ${k + 1}`, `${l.off ? "put out; " : ""}${l.shape} at ${saidAll(toScene(f, l.c), 3)}${l.far ? ", far away" : ""}, ` +
+                `${said(luminance(l.rgb), 3)} cd/m²; behind ${hides}`);
         }
         this.table.replaceChildren(...rows);
     }
@@ -172,8 +193,9 @@ class Panel {
         const {rgb, hit} = this.app.look.ray(this.f, this.k, o, d), from = hit || o, p = [0, 1].map((k) => from[k] - d[k] * from[2] / d[2]);
         put(this.pointer ? "under the pointer" : "in the middle", `${said(luminance(rgb))} cd/m²`);
         put("R G B", saidAll(rgb, 5));
-        put("direction", `${saidAll(turnToScene(this.f, d), 3)}; θ ${said(Math.atan2(d[1], d[0]) * 180 / Math.PI, 3)}°, φ ${said(Math.acos(d[2]) * 180 / Math.PI, 3)}°`);
-        put("probes", this.probesAt(p) + (hit ? `, towards ${saidAll(toScene(this.f, hit), 3)}` : ""));
+        const degrees = (a) => `${said(a * 180 / Math.PI, 3)}°`;
+        put("direction", `${saidAll(turnToScene(this.f, d).map((x) => Number(x.toFixed(5))))}; θ ${degrees(Math.atan2(d[1], d[0]))}, φ ${degrees(Math.acos(d[2]))}`);
+        put("probes", this.probesAt(p) + (hit ? `, towards ${saidAll(toScene(this.f, hit))}` : ""));
     }
 
     probesAt(p) {

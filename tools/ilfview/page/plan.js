@@ -48,8 +48,9 @@ class Plan {
         this.painted = key;
         c.width = w;
         c.height = h;
-        if (layer >= 0 && this.app.look) {
-            this.app.look.picture(c.getContext("2d"), f, this.k, w, h, {mode: 7, at: [0, 0, this.app.heightOf(f)], lamp: Math.min(layer, f.lamps - 1)}, tone);
+        if (layer >= 0 && layer < f.lamps && this.app.look) {
+            const ask = {mode: 7, at: [0, 0, this.app.heightOf(f)], lamp: layer};
+            this.app.look.picture(c.getContext("2d"), f, this.k, w, h, ask, tone);
             return;
         }
         const image = new ImageData(w, h);
@@ -131,7 +132,8 @@ class Plan {
             return;
         }
         /* beyond the picture: an arrow at its edge */
-        const cx = e.width / 2, cy = e.height / 2, dx = x - cx, dy = y - cy, q = Math.min((cx - pad) / Math.abs(dx || 1), (cy - pad) / Math.abs(dy || 1));
+        const cx = e.width / 2, cy = e.height / 2, dx = x - cx, dy = y - cy;
+        const q = Math.min((cx - pad) / Math.abs(dx || 1), (cy - pad) / Math.abs(dy || 1));
         const tip = [cx + q * dx, cy + q * dy], a = Math.atan2(dy, dx), s = 7 * dpr;
         g.beginPath();
         g.moveTo(tip[0] + s * Math.cos(a), tip[1] + s * Math.sin(a));
@@ -194,18 +196,20 @@ const MASKS = ["a sheet", "a picture of what arrives", "an outline", "a beam", "
 /* A lamp from its row: place, body's outline from above, and what hides it. */
 function lampOf(f, k) {
     const r = f.lampRows.subarray(ROW * k, ROW * k + ROW), c = [r[2], r[3], r[4]], a = [r[5], r[6]], b = [r[8], r[9]];
-    const round = (u, v) => Array.from({length: 24}, (_, n) => [0, 1].map((i) => c[i] + Math.cos(n * Math.PI / 12) * u[i] + Math.sin(n * Math.PI / 12) * v[i]));
+    const turned = Array.from({length: 24}, (_, n) => [Math.cos(n * Math.PI / 12), Math.sin(n * Math.PI / 12)]);
+    const round = (u, v) => turned.map(([p, q]) => [0, 1].map((i) => c[i] + p * u[i] + q * v[i]));
     const corner = (s, t) => [0, 1].map((i) => c[i] + s * a[i] + t * b[i]);
     const len = Math.hypot(...a) || 1, side = [-a[1] / len * r[11], a[0] / len * r[11]];
     const outline = [() => round([r[11], 0], [0, r[11]]), () => [corner(1, 1), corner(-1, 1), corner(-1, -1), corner(1, -1)], () => round(a, b),
         () => [[1, 1], [-1, 1], [-1, -1], [1, -1]].map(([s, t]) => [0, 1].map((i) => c[i] + s * a[i] + t * side[i]))][r[0]]();
     const masks = Array.from({length: r[15]}, (_, m) => maskOf(f, r[20] + m));
-    return {c, outline, masks, far: r[1] > 0, rgb: [...r.slice(12, 15)], shape: SHAPES[r[0]], off: !(r[12] || r[13] || r[14]), errors: [...r.slice(16, 20)]};
+    return {c, outline, masks, far: r[1] > 0, rgb: [...r.slice(12, 15)], shape: SHAPES[r[0]], off: !(r[12] || r[13] || r[14])};
 }
 
 function maskOf(f, k) {
     const r = f.maskRows.subarray(ROW * k, ROW * k + ROW);
-    const m = {kind: r[0], link: r[1], coef: r.subarray(7, 13), plane: r.subarray(4, 7), nx: r[13], ny: r[14], x0: r[16], y0: r[17], dx: r[18], dy: r[19], at: r[20], words: MASKS[r[0]]};
+    const [x0, y0, dx, dy, at] = r.subarray(16, 21);
+    const m = {kind: r[0], link: r[1], coef: r.subarray(7, 13), nx: r[13], ny: r[14], x0, y0, dx, dy, at, words: MASKS[r[0]]};
     m.edges = () => f.edges?.[k] || ((f.edges ||= {})[k] = edgesOf(f, m));
     return m;
 }

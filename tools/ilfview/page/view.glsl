@@ -305,11 +305,11 @@ vec3 direction(vec2 place)
     return mode == 3 ? n : reflect(eye[2], n);
 }
 
-/* Irradiance of a surface that faces n, from a map of 32 x 17 normals. */
+/* Irradiance of a surface that faces n, from a map of 64 x 33 normals. */
 vec3 mattLight(vec3 n)
 {
-    float x = (atan(n.y, n.x) + PI) / (2. * PI) * 32., y = acos(clamp(n.z, -1., 1.)) / PI * 16.;
-    int x0 = int(x) & 31, x1 = (x0 + 1) & 31, y0 = min(int(y), 15);
+    float x = (atan(n.y, n.x) + PI) / (2. * PI) * 64., y = acos(clamp(n.z, -1., 1.)) / PI * 32.;
+    int x0 = int(x) & 63, x1 = (x0 + 1) & 63, y0 = min(int(y), 31);
     float a = x - floor(x), b = y - float(y0);
 
     return mix(mix(texelFetch(matt, ivec2(x0, y0), 0).rgb, texelFetch(matt, ivec2(x1, y0), 0).rgb, a),
