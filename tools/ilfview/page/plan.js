@@ -158,8 +158,14 @@ class Plan {
         }
         if (m.kind !== 0) return;
         const [x0, y1] = this.to(m.x0, m.y0 + (m.ny - 1) * m.dy), [x1, y0] = this.to(m.x0 + (m.nx - 1) * m.dx, m.y0);
-        g.drawImage(m.edges(), x0, y1, x1 - x0, y0 - y1);
         g.strokeRect(x0, y1, x1 - x0, y0 - y1);
+        g.setLineDash([]);
+        g.beginPath();
+        for (const [ax, ay, bx, by] of m.edges()) {
+            g.moveTo(...this.to(ax, ay));
+            g.lineTo(...this.to(bx, by));
+        }
+        g.stroke();
     }
 
     drawPoint(g, point, dpr) {
@@ -214,19 +220,21 @@ function maskOf(f, k) {
     return m;
 }
 
-/* Where a sheet begins to let less than half of the light through: a line that leaves the plan's colours as they are. */
+/* Where a sheet lets half of the light through: lines (x0, y0, x1, y1), cell by cell of its picture. */
 function edgesOf(f, m) {
-    const c = document.createElement("canvas"), image = new ImageData(m.nx, m.ny);
-    const opaque = (i, j) => {
-        const v = f.pictureSamples[m.at + clamp(j, 0, m.ny - 1) * m.nx + clamp(i, 0, m.nx - 1)];
-        return (m.link ? 1 / (1 + Math.exp(-v)) : v) < 0.5;
+    const lines = [];
+    const over = (i, j) => {
+        const v = f.pictureSamples[m.at + j * m.nx + i];
+        return m.link ? v : v - 0.5;
     };
-    for (let j = 0; j < m.ny; j++)
-        for (let i = 0; i < m.nx; i++)
-            if (opaque(i, j) && !(opaque(i - 1, j) && opaque(i + 1, j) && opaque(i, j - 1) && opaque(i, j + 1)))
-                image.data.set([255, 100, 190, 230], 4 * ((m.ny - 1 - j) * m.nx + i));
-    c.width = m.nx;
-    c.height = m.ny;
-    c.getContext("2d").putImageData(image, 0, 0);
-    return c;
+    for (let j = 0; j + 1 < m.ny; j++)
+        for (let i = 0; i + 1 < m.nx; i++) {
+            const found = [];
+            for (const [i0, j0, i1, j1] of [[0, 0, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 0, 0]]) {
+                const p = over(i + i0, j + j0), q = over(i + i1, j + j1), t = p / (p - q);
+                if (p < 0 !== q < 0) found.push(m.x0 + m.dx * (i + i0 + t * (i1 - i0)), m.y0 + m.dy * (j + j0 + t * (j1 - j0)));
+            }
+            for (let k = 0; k + 3 < found.length; k += 4) lines.push(found.slice(k, k + 4));
+        }
+    return lines;
 }
