@@ -59,16 +59,20 @@ PROGRAMS_twin      := virtualstage virtualcamera
 PROGRAMS_ilflamps  := ilflamps
 PROGRAMS_ilfpack   := ilfpack
 PROGRAMS_ilfdepth  := ilfdepth
+PROGRAMS_ilfview   := ilfview
 LIBS_hdrgen        := $(LIBS_VISION) -lexif -llapacke -llapack
 LIBS_fishremap     := $(LIBS_VISION) -llapacke -llapack -ljansson
 LIBS_stagectl      := -lutil -lexif -lcrypto
 LIBS_ilflamps      := -llapacke -llapack
 LIBS_ilfpack       := $(LIBS_ilflamps)
+LIBS_ilfview       := $(LIBS_ilflamps)
 LIBS_twin          := $(LIBS_stagectl)
-# the tool whose parts another stands on: the virtual stage speaks the real one's language, free pictures have lamps
+# the tool whose parts another stands on: the virtual stage speaks the real one's language, free pictures have lamps, the viewer
+# guesses walls as ilflamps does
 UNDER_twin         := stagectl
 UNDER_ilfpack      := ilflamps
-TOOLS              := hdrgen fishremap stagectl twin ilflamps ilfpack ilfdepth
+UNDER_ilfview      := ilflamps
+TOOLS              := hdrgen fishremap stagectl twin ilflamps ilfpack ilfdepth ilfview
 
 # A main that is not written yet is left out, so that a partial checkout builds.
 have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
@@ -224,7 +228,7 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 	@mkdir -p $(@D) && cp $< $@
 
 # ---- the main job, tests, measurements -------------------------------------------------------------
--include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk
+-include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk tools/ilfview/ilfview.mk
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
 -include report/report.mk tests/radiance_patch/stock.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
 -include docs/docs.mk

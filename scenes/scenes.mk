@@ -22,9 +22,10 @@ demo:
 	+@$(MAKE) --no-print-directory $(if $(findstring jobserver,$(MAKEFLAGS)),,-j$(DEMO_JOBS)) demo-run
 	@echo "The pictures:"; ls -1 $(DEMO)/demo.png $(DEMO)/office.png 2>/dev/null | sed 's,^,  $(TOP)/,'
 	@echo "The errors:   $(TOP)/$(DEMO)/errors.csv"
+	@echo "To look at:   $(TOP)/$(DEMO)/view.html   (the light field, in a browser)"
 
 # the photographs first: their picture is drawn while the virtual camera works
-demo-run: $(if $(OFFICE_IMAGES),$(DEMO)/office.png,no-office) $(DEMO)/demo.png
+demo-run: $(if $(OFFICE_IMAGES),$(DEMO)/office.png,no-office) $(DEMO)/demo.png $(DEMO)/view.html
 demo-clean:
 	rm -rf $(DEMO)
 
@@ -66,6 +67,11 @@ $(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hd
 	    --title "Two spotlights, captured by a virtual fisheye at $(demo_NU) × $(demo_NV) positions" \
 	    --extra "the light field: $(demo_NU) × $(demo_NV) probes, each the hemisphere as a map=$(DEMO)/room.mosaic.png" \
 	    --csv $(DEMO)/errors.csv -o $@
+
+# the light field as a page, and beside it the one with lamps taken out
+demo_FIELDS   := $(DEMO)/room.ilf.exr $(if $(demo_LIT),$(DEMO)/room.lamps.ilf.exr)
+$(DEMO)/view.html: $(demo_FIELDS) $(call made_by,ilfview)
+	@$(ILF_ENV) ilfview --quiet -o $@ $(demo_FIELDS)
 
 # ---- (a) real photographs ------------------------------------------------------------------------------
 OFFICE_LENS    ?= --lens equisolid --fov 186

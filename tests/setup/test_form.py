@@ -44,6 +44,7 @@ BELOW = {
     "tools/ilflamps": ["common/image", "common/base", "ilfmat", "ilfmat/lamps"],
     "tools/ilfpack": ["tools/ilflamps", "common/image", "common/base", "ilfmat", "ilfmat/lamps"],
     "tools/ilfdepth": ["common/image", "common/base", "ilfmat"],
+    "tools/ilfview": ["tools/ilflamps", "common/exr", "common/base", "ilfmat"],
     "tools/stagectl": ["common/image", "common/base"],
     "tools/twin": ["tools/stagectl", "common/image", "common/base"],
 }
