@@ -38,7 +38,7 @@ static const float *behind(const lightfield *f, const double o[3], const double 
     const int j = f->nv > 1 ? (int)(o[1] / f->len_v * (f->nv - 1) + .5) : 0;
     double x, y;
 
-    lf_place(&x, &y, f, d);
+    lf_place(&x, &y, f, LF_FIELD, d);
     return lf_texel(f, j * f->nu + i, (int)fmin(fmax(x, 0), f->nt - 1), (int)fmin(fmax(y, 0), f->np - 1));
 }
 
