@@ -25,6 +25,7 @@ enum { ROUNDS = 2 };
 #define NEAR_TIE  1.25  /* of the least error: models that saw the occluder win */
 #define BELIEVED  .6    /* of interpolation's error: more is no explanation, and goes wrong above the plane */
 #define ONE_SHEET .7    /* the same for a single sheet whose outline the pictures show */
+#define ONE_GATE  .4    /* the same for a gate: its edge is hard, and right or wrong altogether */
 #define CLOSE     .05   /* error that is believed if it beats interpolation at all */
 #define HOPELESS  .85   /* of interpolation's error: after a first mask, a second one won't do */
 #define VAGUE     .1    /* error of interpolation that is no picture of what hides */
@@ -182,10 +183,11 @@ static int remainder_too(model *base, const lamp *l, const lightfield *f)
 /* Whether the masks tell so much more than interpolation that they may be trusted where no probe stands. */
 static int explains(const model *m, double interpolation)
 {
-    const int sheet = m->n == 1 && m->saw && m->m[ALL][0].kind == ILF_MASK_LAYER;
+    const int sheet = m->n == 1 && m->saw && m->m[ALL][0].kind == ILF_MASK_LAYER,
+              gate = m->n == 1 && m->m[ALL][0].kind == ILF_MASK_GATE;
+    const double part = sheet ? ONE_SHEET : gate ? ONE_GATE : BELIEVED;
 
-    return m->error < fmax(CLOSE, (sheet ? ONE_SHEET : BELIEVED) * interpolation) &&
-           m->error < HELPS * interpolation;
+    return m->error < fmax(CLOSE, part * interpolation) && m->error < HELPS * interpolation;
 }
 
 static int take_masks(lamp *l, const model *m)
