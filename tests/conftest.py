@@ -39,7 +39,7 @@ def pytest_configure(config):
 
 
 # The dearest files, most seconds first: begun first, so that workers side by side end together.  stagectl's mostly wait.
-DEAREST = """test_radiance_di test_fishremap_array test_stagectl_faults test_stagectl_firmware test_fishremap_circle_auto test_stagectl_camera
+DEAREST = """test_radiance_di test_ilfpack_positions test_fishremap_array test_stagectl_faults test_stagectl_firmware test_fishremap_circle_auto test_stagectl_camera
     test_fishremap_accuracy test_ilf_sampling test_hdrgen_accuracy test_hdrgen_align test_ilf_light test_hdrgen test_chain test_figures
     test_fishremap_charts test_hdrgen_flare test_examples test_fishremap_circle_looks test_radiance_surfaces test_capture_room""".split()
 

@@ -233,9 +233,9 @@ static void say_lamps(const job *j)
 
     for (int i = 0; i < j->a.n; i++) taken += j->a.lamps[i].fate == TAKEN;
     if (j->p->keep_lamps)
-        cli_note("%d lamps of %d found are in the probes again, behind what hides them", taken, j->a.n);
+        cli_note("%d of %d lamps found are in the probes again, behind what hides them", taken, j->a.n);
     else if (taken)
-        cli_note("%d lamps of %d found were taken out: %s is of version 2", taken, j->a.n, j->p->target);
+        cli_note("%d of %d lamps found taken out: %s is of version 2", taken, j->a.n, j->p->target);
     else cli_note("no lamp was taken out (%d found): %s is of version 1", j->a.n, j->p->target);
     if (!j->a.around.measured)
         cli_note("the surroundings were taken for a box of %.3g x %.3g x %.3g (mean mismatch of pictures "

@@ -380,7 +380,7 @@ static refining how_to_refine(void)
     cli_fail(CLI_USAGE, "--refine: expected auto, always or never, found \"%s\"", refine_text);
 }
 
-static int pack_free(char *const *pictures, int n, const char *line)
+static void pack_free(char *const *pictures, int n, const char *line)
 {
     const freeplan p = {.positions = positions,
                         .plane = plane_text ? plane : NULL,
@@ -404,7 +404,6 @@ static int pack_free(char *const *pictures, int n, const char *line)
     check_free();
     if (dry_run ? freepack_check(&p, pictures, n, &e) : freepack(&p, pictures, n, &e))
         cli_fail(CLI_FAILED, "%s", e.text);
-    return cli_end(CLI_OK);
 }
 
 int main(int argc, char **argv)
@@ -416,7 +415,11 @@ int main(int argc, char **argv)
     ilf_error err;
     errmsg words;
 
-    if (positions) return pack_free(argv + 1, n, line);
+    if (positions) {
+        pack_free(argv + 1, n, line);
+        free(line);
+        return cli_end(CLI_OK);
+    }
     check_usage(n);
     const probe_facts facts = dry_run ? (probe_facts){0} : read_all_facts(argv + 1, n);
     ilf_spec spec = {.n_u = n_u,

@@ -25,7 +25,7 @@ enum { STEPS = 15, OUTER = 4, ROUNDS = 15, LAST_ROUNDS = 40 };
 #define FINEST_LOG  2e-4 /* least scale of log luminance */
 #define FINEST_TX   .02  /* least scale of an angle, texels */
 #define REACH       3    /* texels on both sides of a crease that are looked at */
-#define COMMON      .015 /* texels: see part_of_creases */
+#define COMMON      .008 /* texels: see part_of_creases */
 #define INDEPENDENT 8
 #define CONTRAST    .05 /* of a step that is one */
 #define STEEP       4   /* times the others' gradient: another thing's edge */
