@@ -22,9 +22,9 @@ LAMPS ?=
 bench-lamps: $(B)/bin/ilflamps $(CASTER) radiance $(VENV)/.ilf
 	OMP_NUM_THREADS=1 ILF_BUILD=$(B) $(PY) bench/lamps/table.py $(LAMPS) $(B)/lamps/table.csv
 
-# Lookups through the Python package beside a loop in C; FIELD=FILE.ilf.exr names the light field.
+# Lookups through the Python package beside a loop in C; FIELD=FILE.ilf.exr names the light field, which is taken as it is if it is there.
 FIELD ?= $(DEMO)/room.ilf.exr
-bench-python: $(B)/test/ilfspeed $(FIELD) $(VENV)/.ilf
+bench-python: $(B)/test/ilfspeed $(VENV)/.ilf $(if $(wildcard $(FIELD)),,$(FIELD))
 	ILF_BUILD=$(B) $(PY) bench/python/speed.py $(FIELD)
 
 #?measures: bench-python    lookups from Python beside a loop in C (FIELD=FILE.ilf.exr)

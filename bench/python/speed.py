@@ -14,7 +14,7 @@ import numpy as np
 
 import ilf
 
-LOOKUPS, ROUNDS = 400_000, 6
+LOOKUPS, ROUNDS = 400_000, 12
 
 
 def in_c(path):
