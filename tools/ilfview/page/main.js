@@ -98,15 +98,21 @@ class App {
     later() {
         if (this.waiting) return;
         this.waiting = true;
-        requestAnimationFrame(() => this.draw());
+        requestAnimationFrame(() => this.draw(this.took > 80 ? 0.4 : 1));
     }
 
-    draw() {
+    /* With a share of the pixels where the graphics are slow and something moves, whole a moment later. */
+    draw(share = 1) {
+        const begun = performance.now();
         this.waiting = false;
+        this.share = share;
+        clearTimeout(this.whole);
         const tone = this.tone();
         this.showControls();
         drawScale(byId("legend"), tone, (v) => `${said(v)} cd/m²`);
         this.panels.forEach((p) => p.draw(tone));
+        if (share < 1) this.whole = setTimeout(() => this.draw(), 250);
+        else this.took = performance.now() - begun;
     }
 
     /* ---- the bar ---- */
