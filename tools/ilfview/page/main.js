@@ -44,6 +44,7 @@ class App {
         if (!location.hash.includes("nogl"))
             try { this.look = new Look(this.fields); } catch (e) { complain(e.message); }
         else complain(FACE_WORDS);
+        document.body.classList.toggle("plain", !this.look);
         this.panels = this.fields.map((f, k) => new Panel(f, k, this));
         byId("fields").append(...this.panels.map((p) => p.root));
         byId("fields").style.setProperty("--fields", this.fields.length);
