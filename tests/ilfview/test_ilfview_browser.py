@@ -184,5 +184,6 @@ def test_it_is_painted_and_fits_the_width(browser, tmp_path, size):
 def test_without_webgl_words_and_the_plan(browser, tmp_path):
     path = write_ilf(tmp_path / "a.ilf.exr", random_ilf(np.random.default_rng(17), 3, 3, 24, 12))
     opened(browser, tmp_path, path, anchor="#nogl")
+    assert not browser.find_element("css selector", ".view").is_displayed()
     assert "no WebGL 2" in browser.execute_script("return document.getElementById('message').textContent")
     assert browser.execute_script(f"return ({COLOURS})(document.querySelector('.plan canvas'))") > 50

@@ -44,6 +44,7 @@ class App {
         if (!location.hash.includes("nogl"))
             try { this.look = new Look(this.fields); } catch (e) { complain(e.message); }
         else complain(FACE_WORDS);
+        document.body.classList.toggle("plain", !this.look);
         this.panels = this.fields.map((f, k) => new Panel(f, k, this));
         byId("fields").append(...this.panels.map((p) => p.root));
         byId("fields").style.setProperty("--fields", this.fields.length);
@@ -98,15 +99,21 @@ class App {
     later() {
         if (this.waiting) return;
         this.waiting = true;
-        requestAnimationFrame(() => this.draw());
+        requestAnimationFrame(() => this.draw(this.took > 80 ? 0.4 : 1));
     }
 
-    draw() {
+    /* With a share of the pixels where the graphics are slow and something moves, whole a moment later. */
+    draw(share = 1) {
+        const begun = performance.now();
         this.waiting = false;
+        this.share = share;
+        clearTimeout(this.whole);
         const tone = this.tone();
         this.showControls();
         drawScale(byId("legend"), tone, (v) => `${said(v)} cd/m²`);
         this.panels.forEach((p) => p.draw(tone));
+        if (share < 1) this.whole = setTimeout(() => this.draw(), 250);
+        else this.took = performance.now() - begun;
     }
 
     /* ---- the bar ---- */

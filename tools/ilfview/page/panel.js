@@ -67,8 +67,10 @@ class Panel {
     }
 
     over(where, p) {
+        const came = !p !== !this.pointer;
         this.pointer = p && {where, p};
-        this.app.later();
+        if (came) this.app.later();
+        else requestAnimationFrame(() => this.say());
     }
 
     planKey(e) {
@@ -115,7 +117,7 @@ class Panel {
             app.look.setMatt(k, mattMap(this.bundles));
         }
         const paint = (c, aspect, ask, own = tone) => {
-            const w = fitWidth(c), h = Math.round(w * aspect);
+            const w = fitWidth(c, app.share), h = Math.round(w * aspect);
             if (c.height !== h) c.height = h;
             app.look.picture(c.getContext("2d"), f, k, w, h, {at: o, ...ask}, own);
         };

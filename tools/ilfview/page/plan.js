@@ -182,8 +182,9 @@ class Plan {
     }
 }
 
-function fitWidth(canvas) {
-    const w = Math.max(40, Math.round(canvas.clientWidth * Math.min(window.devicePixelRatio || 1, 2)));
+/* Give a canvas as many columns as the screen has there, or a share of them. */
+function fitWidth(canvas, share = 1) {
+    const w = Math.max(40, Math.round(canvas.clientWidth * Math.min(window.devicePixelRatio || 1, 2) * share));
     if (canvas.width !== w) canvas.width = w;
     return w;
 }
