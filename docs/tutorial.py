@@ -84,7 +84,6 @@ def draw(work, folder, first):
     photo, lit, one = (pictures.read(work / f"{n}.hdr") for n in ("photo", "lit", "one"))
     white = np.percentile(photo.max(-1), 97)
     save(folder / "pictures.jpg", *(shown(p, white) for p in (photo, lit, one)))
-    save(folder / "lamps.jpg", *(shown(p, white) for p in (photo, lit, pictures.read(work / "sharp.hdr"))))
     circle = np.asarray(Image.open(work / "circle.png").convert("RGB"))
     save(folder / "own.jpg", circle, tall(shown(exr(work / "probe.exr")), 4), shown(pictures.read(work / "own.hdr")))
 
