@@ -266,6 +266,13 @@ def test_a_copy_of_a_field_with_lamps_has_its_digest(lit, tmp_path):
                 lamp.rgb = lamp.rgb / 2
 
 
+def test_nothing_is_used_that_was_given_back(lit, tmp_path):
+    """Memory that Python frees is overwritten at once: lamps that a writer is given must still be there when they are written."""
+    words = "import sys, ilf; f = ilf.open(sys.argv[1]); ilf.write(sys.argv[2], f.probes(), like=f); print(ilf.open(sys.argv[2]).digest() == f.digest())"
+    p = execute([sys.executable, "-c", words, str(lit[1]), str(tmp_path / "copy.ilf.exr")], env=environment(PYTHONMALLOC="debug"), capture_output=True, text=True)
+    assert p.stdout.split() == ["True"], p.stderr
+
+
 def test_what_can_not_be_written_leaves_nothing(tmp_path):
     probes, plane = np.ones((1, 2, 3, 4, 3)), {"origin": (0, 0, 0), "U": (1, 0, 0), "V": (0, 1, 0)}
     old = tmp_path / "w.ilf.exr"

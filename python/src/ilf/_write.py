@@ -40,8 +40,10 @@ def _spec(probes, a, dtype, compression, interleave, lamps, name):
     s.type, s.compression, s.interleave, s.name = _type(dtype, probes), text(compression), int(interleave), text(name)
     s.comments, s.owner, s.cap_date = text(a["comments"]), text(a["owner"]), text(a["cap_date"])
     if lamps:
-        s.lamps, arrays = lamps_to(lamps, s.n_u, s.n_v)
-        keep += [s.lamps, arrays]
+        # what a field of a struct gives back owns nothing: the array itself is kept
+        array, parts = lamps_to(lamps, s.n_u, s.n_v)
+        s.lamps = array
+        keep += [array, parts]
         s.n_lamps = len(lamps)
     return s, keep
 
