@@ -20,7 +20,7 @@ test: $(CASTER)
 # --texels 128x64" for rooms by chance.  One thread: CPU seconds then say what they mean.
 LAMPS ?=
 bench-lamps: $(B)/bin/ilflamps $(CASTER) radiance $(VENV)/.ilf
-	OMP_NUM_THREADS=1 ILF_BUILD=$(B) $(PY) bench/lamps/table.py $(LAMPS) $(B)/lamps/table.csv
+	$(ILF_ENV) OMP_NUM_THREADS=1 ILF_BUILD=$(B) $(PY) bench/lamps/table.py $(LAMPS) $(B)/lamps/table.csv
 
 # Lookups through the Python package beside a loop in C; FIELD=FILE.ilf.exr names the light field, which is taken as it is if it is there.
 FIELD ?= $(DEMO)/room.ilf.exr
