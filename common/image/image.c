@@ -144,7 +144,7 @@ int img_reader_open(img_reader **out, const char *path, errmsg *e)
 
 /* What our own programs write of panoramas: ilf:latlong "LEFT RIGHT TOP BOTTOM" of a part of one, ilf:pose "HEADING
  * PITCH ROLL" of its camera, x for what was not stated. */
-static int own_panorama(img_reader *r)
+static void own_panorama(img_reader *r)
 {
     char text[128], word[3][32], *end;
     img_panorama *p = &r->info.pano;
@@ -154,13 +154,12 @@ static int own_panorama(img_reader *r)
         memcpy(q, v, sizeof v);
     if (!img_reader_fact(r, "ilf:pose", text, sizeof text) ||
         sscanf(text, "%31s %31s %31s", word[0], word[1], word[2]) != 3)
-        return 0;
+        return;
     for (int k = 0; k < 3; k++) {
         p->pose_deg[k] = strtod(word[k], &end);
         p->has_pose[k] = end > word[k] && !*end && isfinite(p->pose_deg[k]);
         if (!p->has_pose[k]) p->pose_deg[k] = 0;
     }
-    return 0;
 }
 
 int img_reader_open_as(img_reader **out, const char *path, const img_open_opts *opts, errmsg *e)
@@ -170,8 +169,9 @@ int img_reader_open_as(img_reader **out, const char *path, const img_open_opts *
     if (opts) r->opts = *opts;
     r->info.orientation = 1;
     r->info.pixel_aspect = 1;
-    if (open_file(r, path, e) < 0 || choose_codec(r, e) < 0 || r->codec->open(r, e) < 0 ||
-        own_panorama(r) < 0 || img_shape_open(r, e) < 0) {
+    int bad = open_file(r, path, e) < 0 || choose_codec(r, e) < 0 || r->codec->open(r, e) < 0;
+    if (!bad) own_panorama(r);
+    if (bad || img_shape_open(r, e) < 0) {
         img_reader_close(r);
         return -1;
     }

@@ -36,7 +36,7 @@ typedef struct img_panorama {
         shows_deg[4]; /* longitudes of the left and right edge (0: the whole panorama's middle, growing to the
                             right), latitudes of the upper and lower edge: as stated, be it possible or not */
     double aspect;    /* width over height, in pixels, that the picture should have for it */
-    int has_pose[3];  /* 1: stated, of each of */
+    int has_pose[3];  /* of each angle: 1 where it is stated */
     double pose_deg[3]; /* the camera's heading (compass: clockwise from north), pitch (nose up), roll (right
                            side down) */
 } img_panorama;

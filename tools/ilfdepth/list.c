@@ -6,28 +6,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/place.h"
 #include "base/textfile.h"
 #include "image/image.h"
 #include "vec3.h"
 #include "views.h"
 
 static const double pi = 3.14159265358979323846;
-enum { MOST_VIEWS = 4096, MOST_LINE = 4096 };
-
-/* Rows of axis: forward, left, up: heading about z, then pitch, then roll. */
-static void turn(view *v, double heading, double pitch, double roll)
-{
-    const double h = heading * pi / 180, p = pitch * pi / 180, r = roll * pi / 180;
-    const double forward[3] = {cos(h) * cos(p), sin(h) * cos(p), sin(p)}, left[3] = {-sin(h), cos(h), 0},
-                 up[3] = {-cos(h) * sin(p), -sin(h) * sin(p), cos(p)};
-
-    for (int c = 0; c < 3; c++) {
-        v->axis[0][c] = forward[c];
-        v->axis[1][c] = cos(r) * left[c] + sin(r) * up[c];
-        v->axis[2][c] = cos(r) * up[c] - sin(r) * left[c];
-    }
-    v->turned = 1;
-}
+enum { MOST_VIEWS = 4096, MOST_LINE = 4096, LEAST_NUMBERS = 4 };
 
 /* Columns run to the right in a panorama, to the left (azimuth upwards) here. */
 static int take_pixels(view *v, img *im, const char *file, errmsg *e)
@@ -62,23 +48,21 @@ static int load(view *v, const char *folder, const char *name, errmsg *e)
     return bad;
 }
 
-/* "picture x y z heading [pitch roll]": the picture's name ends at the first blank. */
 static int one_line(view *v, char *line, const char *folder, const char *path, int number, errmsg *e)
 {
-    double n[7] = {0};
-    char *rest = line + strcspn(line, " \t");
-    int found;
+    const char *rest;
+    char *name;
+    place p;
 
-    if (*rest) *rest++ = 0;
-    found = text_numbers(n, 6, rest);
-    if (found < 4 || found > 6)
+    if (place_of_line(&p, &name, line, &rest) < LEAST_NUMBERS)
         return err_set(
             e, "%s:%d: expected a picture, x y z and heading, maybe pitch and roll, found \"%s %.100s\"",
             path, number, line, rest);
-    snprintf(v->name, sizeof v->name, "%.250s", line);
-    memcpy(v->at, n, sizeof v->at);
-    turn(v, n[3], n[4], n[5]);
-    return load(v, folder, line, e);
+    snprintf(v->name, sizeof v->name, "%.250s", name);
+    memcpy(v->at, p.at, sizeof v->at);
+    place_axes(v->axis, &p);
+    v->turned = 1;
+    return load(v, folder, name, e);
 }
 
 static int all_lines(views *s, const char *text, const char *path, const char *folder, errmsg *e)

@@ -26,14 +26,6 @@ enum { MOST_TIMES = 4 }; /* second looks at all lamps together */
 #define GAINS  .85       /* of the error: a second look that leaves more needs no third */
 #define ENOUGH 12        /* probes that see all of a lamp: its body is known */
 
-static double typical(const lightfield *f)
-{
-    double sum = 0;
-
-    for (int k = 0; k < f->n; k++) sum += blobs_median(f, k) / f->n;
-    return sum;
-}
-
 /* Mean width of a lamp's spots, radians. */
 static double wide_spots(const bloblist *l, int number)
 {
@@ -276,7 +268,7 @@ int analyse_field(analysis *a, lightfield *f, const plan *p, errmsg *e)
     const clock_t began = clock();
     if (!bad && p->most > 0) bad = blobs_find(&list, &a->f, OVER, e);
     if (!bad) {
-        limit = OVER * typical(&a->f);
+        limit = OVER * blobs_typical(&a->f);
         bad = steady_shapes(a, &list, c, centres_find(c, p->most, &list, &a->f), limit, p, e);
         for (int i = 0; i < list.n; i++) a->stray += list.b[i].lamp < 0;
         a->spots = list.n;

@@ -15,7 +15,7 @@ enum { NUMBERS = 4, ROUNDS = 40 };
 /* p: centre, log radius */
 typedef struct job {
     rowfit fit;
-    double soft; /* rows are points of the lamp: the edge is as soft as they are apart, at the lamp */
+    double soft; /* of rows (rowfit_softness) */
 } job;
 
 static double pass(const double *p, const double o[3], const double d[3], double lamp_z, double soft)
@@ -87,9 +87,7 @@ static int versions(model *m, job *j, const double *from)
 
 int ball_fit(model *m, const lamp *l, const lightfield *f, const outline *from)
 {
-    const double r = ilf_luminaire_extent(&l->s.l);
-    const double apart = r * sqrt(3. * f->n / (1. + l->nrows) / ROW_SAMPLES);
-    job j = {.soft = fmax(.28 * apart, 1e-4 * f->size)};
+    job j = {.soft = rowfit_softness(l, f)};
     double p[NUMBERS];
     int bad = begin(p, from);
 

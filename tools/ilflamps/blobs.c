@@ -175,3 +175,11 @@ int blobs_find(bloblist *list, const lightfield *f, double over, errmsg *e)
     if (bad) free(list->b), memset(list, 0, sizeof *list);
     return bad;
 }
+
+double blobs_typical(const lightfield *f)
+{
+    double sum = 0;
+
+    for (int k = 0; k < f->n; k++) sum += blobs_median(f, k) / f->n;
+    return sum;
+}

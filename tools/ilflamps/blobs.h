@@ -29,4 +29,7 @@ int blobs_find(bloblist *list, const lightfield *f, double over, errmsg *e);
 /* Median luminance of a probe. */
 double blobs_median(const lightfield *f, int probe);
 
+/* Its mean over all probes: what is many times brighter is no wall. */
+double blobs_typical(const lightfield *f);
+
 #endif

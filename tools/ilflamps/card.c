@@ -23,7 +23,7 @@ enum { NUMBERS = 9, PER_EDGE = 20, POINTS = 4 * PER_EDGE, ROUNDS = 4, FINE = 112
 /* p: centre, half edges u and v */
 typedef struct job {
     rowfit fit;
-    double soft; /* rows are points of the lamp: edges are as soft as they are apart, at the lamp */
+    double soft; /* of rows (rowfit_softness) */
     outline o;   /* points on the edges of the rectangle that the pictures were asked about */
     saying *says;
     double *trust; /* per saying: square root of its weight */
@@ -180,7 +180,6 @@ static int settle(double *p, job *j)
     return 0;
 }
 
-/* The lengths between the 3 % and 97 % quantiles of the outline's points along a direction. */
 static int by_value(const void *a, const void *b)
 {
     const double x = *(const double *)a, y = *(const double *)b;
@@ -188,6 +187,7 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+/* Half the length between the 3 % and 97 % quantiles of the outline's points along a direction, and its middle. */
 static double reach(double *mid, double *v, const outline *o, double x, double y)
 {
     for (int k = 0; k < o->n; k++) v[k] = x * o->at[k][0] + y * o->at[k][1];
@@ -264,12 +264,10 @@ int card_fit(model *m, const lamp *l, const lightfield *f, const outline *from)
     double at[POINTS][2], normal[POINTS][2], weight[POINTS], p[NUMBERS];
     int beside[POINTS][2];
     job j = {.o = {.n = POINTS, .at = at, .normal = normal, .beside = beside, .weight = weight}};
-    const double r = ilf_luminaire_extent(&l->s.l),
-                 apart = r * sqrt(3. * f->n / (1. + l->nrows) / ROW_SAMPLES);
     int bad = begin(p, from);
 
     if (!bad) bad = rowfit_make(&j.fit, m, l, f);
-    j.soft = fmax(.28 * apart, 1e-4 * f->size);
+    j.soft = rowfit_softness(l, f);
     if (!bad) bad = versions(m, &j, p);
     rowfit_free(&j.fit), free(j.says), free(j.trust);
     if (!bad) model_judge(m, l, f);

@@ -104,6 +104,7 @@ static double best_fit(double *p, job *j, double radius, const double mid[2])
     return best;
 }
 
+/* Knuth's MMIX generator (TAOCP 2, 3.3.4, table 1), upper bits. */
 static double uniform(unsigned long long *seed)
 {
     *seed = *seed * 6364136223846793005ull + 1442695040888963407ull;

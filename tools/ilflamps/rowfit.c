@@ -5,6 +5,14 @@
 
 #include <stdlib.h>
 
+double rowfit_softness(const lamp *l, const lightfield *f)
+{
+    const double apart =
+        ilf_luminaire_extent(&l->s.l) * sqrt(3. * f->n / (1. + l->nrows) / ROW_SAMPLES); /* 3: about pi */
+
+    return fmax(.28 * apart, 1e-4 * f->size);
+}
+
 int rowfit_make(rowfit *j, const model *m, const lamp *l, const lightfield *f)
 {
     j->m = m, j->l = l, j->f = f;

@@ -24,4 +24,8 @@ void rowfit_fold(rowfit *j, int fold);
 /* r: as many as the lamp has rows; sqrt(share) x (modelled - measured), 0 of those left out. */
 void rowfit_residuals(double *r, const ilf_mask *mask, const rowfit *j);
 
+/* Rows see the lamp as points: how soft the edge of what hides it must be, at the lamp, lest each point count all or
+ * nothing.  The scale of a logistic, scene's unit: .28 of the mean distance between a probe's points (set by trial). */
+double rowfit_softness(const lamp *l, const lightfield *f);
+
 #endif

@@ -41,22 +41,13 @@ typedef struct work {
     double unit;  /* scale of the positions' steps: lamp's size */
 } work;
 
-static void rotate(double v[3], const double axis[3], double angle)
-{
-    double x[3];
-    const double c = cos(angle), s = sin(angle), k = v_dot(axis, v) * (1 - c);
-
-    v_cross(x, axis, v);
-    for (int i = 0; i < 3; i++) v[i] = c * v[i] + s * x[i] + k * axis[i];
-}
-
 static void body(ilf_luminaire *l, const trial *t)
 {
     double e[3][3];
 
     memcpy(e, t->base, sizeof e);
     for (int k = 0; k < 3; k++)
-        for (int v = 0; v < 3; v++) rotate(e[v], t->base[(k + 2) % 3], t->p[5 + k]);
+        for (int v = 0; v < 3; v++) v_rotate(e[v], t->base[(k + 2) % 3], t->p[5 + k]);
     memset(l, 0, sizeof *l);
     l->shape = t->shape;
     const double a = exp(t->p[3]), b = t->shape == ILF_DISC ? a : exp(t->p[4]);
@@ -226,7 +217,7 @@ static void stand(trial *t, const double n[3], const double cov[3][3], double tu
         for (int c = 0; c < 3; c++)
             xx += x[r] * cov[r][c] * x[c], xy += x[r] * cov[r][c] * y[c], yy += y[r] * cov[r][c] * y[c];
     const double a = .5 * atan2(2 * xy, xx - yy), mean = .5 * (xx + yy), half = hypot(.5 * (xx - yy), xy);
-    rotate(x, n, a + turn);
+    v_rotate(x, n, a + turn);
     v_cross(y, n, x);
     memcpy(t->base[0], x, sizeof x), memcpy(t->base[1], y, sizeof y), memcpy(t->base[2], n, sizeof x);
     const double big = sqrt(fmax(mean + half, 1e-12)), small = sqrt(fmax(mean - half, .01 * (mean + half)));

@@ -193,18 +193,6 @@ static double turn_of(double w[3], const aim *all, int n, int probe, double expe
     return sqrt(1 / error);
 }
 
-static void turn_by(double d[3], const double w[3])
-{
-    const double angle = v_len(w);
-    double axis[3] = {w[0], w[1], w[2]}, x[3];
-
-    if (!(angle > 0)) return;
-    v_unit(axis);
-    v_cross(x, axis, d);
-    const double along = v_dot(axis, d) * (1 - cos(angle));
-    for (int c = 0; c < 3; c++) d[c] = cos(angle) * d[c] + sin(angle) * x[c] + along * axis[c];
-}
-
 static int frames(lightfield *f)
 {
     static const double own[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
@@ -217,9 +205,12 @@ static int frames(lightfield *f)
 
 static void put_right(lightfield *f, bloblist *list, int probe, const double w[3])
 {
-    for (int i = 0; i < 3; i++) turn_by(f->turn[probe] + 3 * i, w);
+    double axis[3] = {w[0], w[1], w[2]};
+    const double angle = v_unit(axis);
+
+    for (int i = 0; i < 3; i++) v_rotate(f->turn[probe] + 3 * i, axis, angle);
     for (int i = 0; i < list->n; i++)
-        if (list->b[i].probe == probe) turn_by(list->b[i].dir, w);
+        if (list->b[i].probe == probe) v_rotate(list->b[i].dir, axis, angle);
 }
 
 /* Their size on the average, noise taken off; how many standard errors beyond chance, and texels. */

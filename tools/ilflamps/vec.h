@@ -48,4 +48,14 @@ static inline void v_basis(double x[3], double y[3], const double n[3])
     v_cross(y, n, x);
 }
 
+/* Turn v about the unit vector axis, counter-clockwise, by an angle in radians (Rodrigues' formula). */
+static inline void v_rotate(double v[3], const double axis[3], double angle)
+{
+    double x[3];
+    const double c = cos(angle), s = sin(angle), k = v_dot(axis, v) * (1 - c);
+
+    v_cross(x, axis, v);
+    for (int i = 0; i < 3; i++) v[i] = c * v[i] + s * x[i] + k * axis[i];
+}
+
 #endif

@@ -475,16 +475,10 @@ static void assemble(solver *s, const list *l)
 
 static void turn_by(double axes[9], const double w[3])
 {
-    const double a = v_len(w);
-    double u[3] = {w[0], w[1], w[2]};
+    double axis[3] = {w[0], w[1], w[2]};
+    const double angle = v_unit(axis);
 
-    if (!(v_unit(u) > 0)) return;
-    for (int r = 0; r < 3; r++) {
-        double *v = axes + 3 * r, x[3];
-        const double k = v_dot(u, v) * (1 - cos(a));
-        v_cross(x, u, v);
-        for (int c = 0; c < 3; c++) v[c] = cos(a) * v[c] + sin(a) * x[c] + k * u[c];
-    }
+    for (int r = 0; r < 3 && angle > 0; r++) v_rotate(axes + 3 * r, axis, angle);
 }
 
 /* Take a step; returns its largest change of a direction, radians. */

@@ -3,47 +3,27 @@
  */
 #include "positions.h"
 
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/textfile.h"
 
-enum { MOST_LINE = 4096, LEAST_NUMBERS = 3, MOST_NUMBERS = 6 };
-
-/* Cut a line into a name and what follows; NULL where there is no name. */
-static char *take_name(char *line, const char **rest)
-{
-    char *name = line, *end;
-
-    if (*line == '"') {
-        name++;
-        end = strchr(name, '"');
-        if (!end) return NULL;
-    } else end = line + strcspn(line, " \t,;");
-    *rest = *end ? end + 1 : end;
-    *end = 0;
-    return *name ? name : NULL;
-}
+enum { MOST_LINE = 4096, LEAST_NUMBERS = 3 };
 
 static int read_line(place *p, char *line, int number, const char *path, errmsg *e)
 {
     const char *rest;
-    double v[MOST_NUMBERS] = {0};
-    char *name = take_name(line, &rest);
-    const int n = name ? text_numbers(v, MOST_NUMBERS, rest) : -1;
+    char *name;
+    const int n = place_of_line(p, &name, line, &rest);
 
     if (n < LEAST_NUMBERS)
         return err_set(e,
                        "%s: line %d: expected \"picture x y z heading [pitch roll]\", found \"%.60s%s%.60s\"",
                        path, number, line, name ? " " : "", name ? rest : "");
-    memset(p, 0, sizeof *p);
     p->name = strdup(name);
     if (!p->name) return err_set(e, "%s: no memory for its lines", path);
     p->line = number;
-    memcpy(p->at, v, sizeof p->at);
-    p->heading = v[3], p->pitch = v[4], p->roll = v[5];
     return 0;
 }
 
@@ -144,24 +124,4 @@ int places_match(places *all, char *const *pictures, int n, const char *path, er
         all->p[k] = all->p[at], all->p[at] = p;
     }
     return 0;
-}
-
-void place_axes(double a[3][3], const place *p)
-{
-    const double rad = 3.14159265358979323846 / 180;
-    const double ch = cos(p->heading * rad), sh = sin(p->heading * rad), cp = cos(p->pitch * rad),
-                 sp = sin(p->pitch * rad), cr = cos(p->roll * rad), sr = sin(p->roll * rad);
-    const double left[3] = {-sh, ch, 0}, up[3] = {-sp * ch, -sp * sh, cp};
-
-    a[0][0] = cp * ch, a[0][1] = cp * sh, a[0][2] = sp;
-    for (int k = 0; k < 3; k++) a[1][k] = cr * left[k] + sr * up[k], a[2][k] = cr * up[k] - sr * left[k];
-}
-
-void place_angles(place *p, const double a[3][3])
-{
-    const double deg = 180 / 3.14159265358979323846;
-
-    p->heading = deg * atan2(a[0][1], a[0][0]);
-    p->pitch = deg * asin(fmax(-1, fmin(1, a[0][2])));
-    p->roll = deg * atan2(a[1][2], a[2][2]);
 }

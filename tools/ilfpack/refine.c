@@ -18,14 +18,6 @@ enum { FEWEST = 4 };
 #define HELPS  .85  /* part of the pictures' disagreement that must be left at most */
 #define SURELY 4.   /* standard errors that a correction must have, rms */
 
-static double typical(const lightfield *f)
-{
-    double sum = 0;
-
-    for (int k = 0; k < f->n; k++) sum += blobs_median(f, k) / f->n;
-    return sum;
-}
-
 static int find_landmarks(landmarks *l, const char *octree, const lightfield *f, errmsg *e)
 {
     surroundings s;
@@ -60,7 +52,7 @@ typedef struct evidence {
 static int evidence_make(evidence *x, const lightfield *f, const char *octree, errmsg *e)
 {
     memset(x, 0, sizeof *x);
-    return views_make(&x->v, f, BRIGHT * typical(f), e) || find_landmarks(&x->l, octree, f, e) ? -1 : 0;
+    return views_make(&x->v, f, BRIGHT * blobs_typical(f), e) || find_landmarks(&x->l, octree, f, e) ? -1 : 0;
 }
 
 static void evidence_free(evidence *x)

@@ -215,7 +215,7 @@ static void say(suspect *s, const place *at, char *const *pictures, const char *
 /* What explains a suspect best; puts it right unless `keep`.  0 if nothing does. */
 static int explain(suspect *s, court *c, char *const *pictures, int keep)
 {
-    const double goal = fmax(HOPES * s->before, 0);
+    const double goal = HOPES * s->before;
     double best = 1e30;
     place fits = c->at[s->picture];
     char what[120] = "";

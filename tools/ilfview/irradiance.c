@@ -5,6 +5,8 @@
 
 #include <math.h>
 
+#include "ilflamps/lamp.h"
+
 enum { SIDE = 8 }; /* of the square of strata that a lamp is sampled by */
 static const double pi = 3.14159265358979323846;
 
@@ -23,11 +25,11 @@ void irradiance_probe(double rgb[3], const lightfield *f, int k)
     rgb[0] = rgb[1] = rgb[2] = 0;
     /* rows go on to the horizon: beyond what is valid the value at its edge holds */
     for (int y = 0; y * f->dp < pi / 2; y++) {
-        const int row = (int)fmin((y + .5), limit / f->dp - 1e-6);
+        const int line = (int)fmin((y + .5), limit / f->dp - 1e-6);
         const double w = ring(y * f->dp, (y + 1) * f->dp) / f->nt;
         for (int x = 0; x < f->nt; x++)
             for (int c = 0; c < 3; c++)
-                rgb[c] += w * (double)lf_texel(f, k, x, row < f->np ? row : f->np - 1)[c];
+                rgb[c] += w * (double)lf_texel(f, k, x, line < f->np ? line : f->np - 1)[c];
     }
 }
 
@@ -42,11 +44,6 @@ static const float *behind(const lightfield *f, const double o[3], const double 
     return lf_texel(f, j * f->nu + i, (int)fmin(fmax(x, 0), f->nt - 1), (int)fmin(fmax(y, 0), f->np - 1));
 }
 
-static int put_out(const ilf_luminaire *l)
-{
-    return l->rgb[0] == 0 && l->rgb[1] == 0 && l->rgb[2] == 0;
-}
-
 /* Is lamp k the first that the ray meets? */
 static int first(const ilf_luminaire *lamps, int n, int k, const double o[3], const double d[3])
 {
@@ -54,7 +51,7 @@ static int first(const ilf_luminaire *lamps, int n, int k, const double o[3], co
 
     if (!ilf_luminaire_hit(&t, &lamps[k], o, d)) return 0;
     for (int i = 0; i < n; i++)
-        if (i != k && !put_out(&lamps[i]) && ilf_luminaire_hit(&other, &lamps[i], o, d) &&
+        if (i != k && !lamp_is_out(&lamps[i]) && ilf_luminaire_hit(&other, &lamps[i], o, d) &&
             (other < t || (other == t && i < k)))
             return 0;
     return 1;
@@ -84,7 +81,7 @@ void irradiance_lamps(float *rgb, int nx, int ny, const lightfield *f, const ilf
                                  f->len_v * (ny > 1 ? (double)j / (ny - 1) : .5), 0};
             double sum[3] = {0, 0, 0};
             for (int k = 0; k < n; k++)
-                if (!put_out(&lamps[k])) add_lamp(sum, f, lamps, n, k, o);
+                if (!lamp_is_out(&lamps[k])) add_lamp(sum, f, lamps, n, k, o);
             for (int c = 0; c < 3; c++)
                 rgb[((size_t)j * (size_t)nx + (size_t)i) * 3 + (size_t)c] = (float)sum[c];
         }
