@@ -126,7 +126,6 @@ ilfopen(			/* get light field file for material */
 	OBJREC  *m
 )
 {
-	static int  caught = 0;
 	char  *path = getpath(m->oargs.sarg[0], getrlibpath(), R_OK);
 	ilf_error  err;
 	ILFFILE  *fp;
@@ -146,7 +145,7 @@ ilfopen(			/* get light field file for material */
 		error(SYSTEM, "out of memory in ilfopen");
 	if (ilf_open(&fp->field, path, &err) != ILF_OK)
 		ilferror(m, &err);
-	if (!caught++) {
+	if (!ilflist.caught++) {
 		atexit(ilfcheck);
 		catchfault();
 	}

@@ -47,6 +47,7 @@ typedef struct {
 	int  nplaces;			/* places in instances */
 	int  nsubst;			/* shown by illums' and mirrors' substitutes */
 	int  looked;			/* did we look for all? */
+	int  caught;			/* do we see to changed files? */
 	char  *unwanted;		/* why they are refused, or NULL */
 }  ILFLIST;
 

@@ -58,6 +58,9 @@ extern int cli_threads; /* --threads N; 0 = as many as there are cores */
  * (remark.h) to cli_note.  main() only. */
 int cli_parse(const cli_prog *prog, int argc, char **argv);
 
+/* The program's name, before ':' in messages; "ilf" before cli_parse. */
+const char *cli_name(void);
+
 /* One line on stderr: "prog: words\n". */
 void cli_warn(const char *fmt, ...) __attribute__((format(printf, 1, 2)));
 

@@ -5,7 +5,6 @@
 #include "cli.h"
 
 extern const cli_opt cli_builtin[]; /* --quiet --threads --help --version; NULL name ends it */
-const char *cli_name(void);         /* the program's, before ':' in messages */
 void cli_print_help(const cli_prog *prog);
 
 #endif

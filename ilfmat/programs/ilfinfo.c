@@ -201,12 +201,11 @@ int main(int argc, char **argv)
     if (montage_size < 1 || montage_size > 16384)
         cli_fail(CLI_USAGE, "--size: expected 1 to 16384 pixels, found %d", montage_size);
     if (montage && header_only) cli_fail(CLI_USAGE, "--header reads no probe, --montage needs them all");
-    if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
-    field_guard_begin(field, prog.name);
+    if (field_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     const ilf_info *in = ilf_get_info(field);
     print_header(argv[1], field);
     if (header_only) {
-        ilf_close(field);
+        field_close(field);
         return cli_end(CLI_OK);
     }
 
@@ -231,6 +230,6 @@ int main(int argc, char **argv)
     if (ilf_check_unchanged(field, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     print_values(&r, field);
     if (montage) write_montage(&im);
-    ilf_close(field);
+    field_close(field);
     return cli_end(CLI_OK);
 }

@@ -73,8 +73,7 @@ int main(int argc, char **argv)
     ilf *field;
 
     if (n != 1) cli_fail(CLI_USAGE, "expected one light field, found %d", n);
-    if (ilf_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
-    field_guard_begin(field, prog.name);
+    if (field_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     set_frame(&frame, field);
 
     while (errno = 0, getline(&line, &room, stdin) > 0) {
@@ -116,6 +115,6 @@ int main(int argc, char **argv)
                  (long long)use.probes, (long long)ilf_get_info(field)->n_u * ilf_get_info(field)->n_v,
                  (double)use.mapped_bytes * 1e-6, (double)use.decoded_bytes * 1e-6);
     }
-    ilf_close(field);
+    field_close(field);
     return cli_end(CLI_OK);
 }

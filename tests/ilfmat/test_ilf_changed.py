@@ -172,9 +172,10 @@ def test_end_of_the_mapped_file(folder, blind, program):
     assert all(w in lines[0] for w in WORDS), lines
 
 
-def test_end_of_the_mapped_file_for_a_picture_and_for_ilfinfo(folder, blind):
+def test_end_of_the_mapped_file_for_a_picture_and_for_programs_that_read_all(folder, blind):
     """Cut as soon as it is mapped, in the middle of the last probe, which they can't see here."""
-    for args in (["rpict", "-x", "8", "-y", "8", "-vp", "0", "-2", "2", "-vd", "0", ".7", "-.7", "-vh", "4", "-vv", "4", "s.oct"], ["ilfinfo", "f.ilf.exr"]):
+    for args in (["rpict", "-x", "8", "-y", "8", "-vp", "0", "-2", "2", "-vd", "0", ".7", "-.7", "-vh", "4", "-vv", "4", "s.oct"], ["ilfinfo", "f.ilf.exr"],
+                 ["ilflamps", "-o", "out", "f.ilf.exr"], ["ilfview", "-o", "out", "f.ilf.exr"], ["ilfdepth", "-o", "out", "f.ilf.exr"]):
         provide(folder, "plain")
         script = folder / "late.c"
         script.write_text("""
@@ -198,6 +199,7 @@ void *mmap64(void *at, size_t n, int prot, int flags, int fd, off_t from) { retu
         r = run(args[0], *args[1:], cwd=folder, env=env, code=1)
         lines = [x for x in r.err.splitlines() if "light fields:" not in x and "probes used" not in x and "rays," not in x]
         assert len(lines) == 1 and all(w in lines[0] for w in WORDS), r
+        assert not (folder / "out").exists()
 
 
 def test_without_tricks_a_cut_file_is_one_line(folder):

@@ -41,10 +41,10 @@ BELOW = {
     "ilfmat/examples": ["ilfmat"],
     "tools/hdrgen": ["common/vision", "common/image", "common/exr", "common/base"],
     "tools/fishremap": ["common/vision", "common/image", "common/exr", "common/base", "ilfmat"],
-    "tools/ilflamps": ["common/image", "common/base", "ilfmat", "ilfmat/lamps"],
+    "tools/ilflamps": ["common/image", "common/base", "ilfmat", "ilfmat/lamps", "ilfmat/programs"],
     "tools/ilfpack": ["tools/ilflamps", "common/image", "common/base", "ilfmat", "ilfmat/lamps"],
-    "tools/ilfdepth": ["common/image", "common/base", "ilfmat"],
-    "tools/ilfview": ["tools/ilflamps", "common/exr", "common/base", "ilfmat"],
+    "tools/ilfdepth": ["common/image", "common/base", "ilfmat", "ilfmat/programs"],
+    "tools/ilfview": ["tools/ilflamps", "common/exr", "common/base", "ilfmat", "ilfmat/programs"],
     "tools/stagectl": ["common/image", "common/base"],
     "tools/twin": ["tools/stagectl", "common/image", "common/base"],
 }

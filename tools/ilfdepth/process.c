@@ -115,9 +115,9 @@ int process_run(process *q, const process_plan *plan, errmsg *e)
     if (q->b.fitted && box_compete(q->maps, q->s.n, &q->b, &q->s, &q->p, e)) return -1;
     agree_maps(q->maps, q->s.n, &q->s);
     if (q->b.fitted) find_things(q);
-    const int bad = surfaces(q, plan, e);
+    const int bad = surfaces(q, plan, e) || views_unchanged(&q->s, e);
     q->cpu_s = (double)(clock() - from) / CLOCKS_PER_SEC;
-    return bad;
+    return bad ? -1 : 0;
 }
 
 void process_free(process *q)

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "programs/field_guard.h"
 #include "vec3.h"
 
 static const double pi = 3.14159265358979323846;
@@ -121,7 +122,7 @@ int views_of_field(views *s, const char *path, const char *chosen, errmsg *e)
     ilf_error err;
 
     memset(s, 0, sizeof *s);
-    if (ilf_open(&s->file, path, &err) != ILF_OK) return err_set(e, "%s", err.text);
+    if (field_open(&s->file, path, &err) != ILF_OK) return err_set(e, "%s", err.text);
     const ilf_frame *f = ilf_get_frame(s->file);
     s->nu = ilf_get_info(s->file)->n_u, s->nv = ilf_get_info(s->file)->n_v;
     if (take_probes(s, chosen, e)) {
@@ -137,11 +138,18 @@ int views_of_field(views *s, const char *path, const char *chosen, errmsg *e)
     return 0;
 }
 
+int views_unchanged(const views *s, errmsg *e)
+{
+    ilf_error err;
+
+    return s->file && ilf_check_unchanged(s->file, &err) != ILF_OK ? err_set(e, "%s", err.text) : 0;
+}
+
 void views_free(views *s)
 {
     for (int k = 0; s->v && k < s->n; k++) free(s->v[k].rgb), free(s->v[k].feature);
     free(s->v);
-    ilf_close(s->file);
+    field_close(s->file);
     memset(s, 0, sizeof *s);
 }
 

@@ -48,6 +48,9 @@ int views_of_field(views *s, const char *path, const char *chosen, errmsg *e);
  * down).  Pictures' names are relative to the list's folder. */
 int views_of_list(views *s, const char *path, errmsg *e);
 
+/* Is the light field's file as it was opened?  Ask when all that is needed was read. */
+int views_unchanged(const views *s, errmsg *e);
+
 void views_free(views *s);
 
 /* A point of working coordinates in the scene. */

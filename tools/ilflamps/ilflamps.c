@@ -13,6 +13,7 @@
 #include "exportrad.h"
 #include "output.h"
 #include "picture.h"
+#include "programs/field_guard.h"
 #include "raysfile.h"
 #include "report.h"
 #include "taken.h"
@@ -126,9 +127,9 @@ static int version_of(const char *path)
     ilf_error err;
     ilf *file;
 
-    if (ilf_open(&file, path, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
+    if (field_open(&file, path, &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     const int version = ilf_get_info(file)->version;
-    ilf_close(file);
+    field_close(file);
     return version;
 }
 

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "programs/field_guard.h"
+
 static const double pi = 3.14159265358979323846;
 
 static void set_places(lightfield *f)
@@ -36,7 +38,7 @@ int lf_read(lightfield *f, const char *path, errmsg *e)
     ilf *file;
 
     memset(f, 0, sizeof *f);
-    if (ilf_open(&file, path, &err) != ILF_OK) return err_set(e, "%s", err.text);
+    if (field_open(&file, path, &err) != ILF_OK) return err_set(e, "%s", err.text);
     f->info = *ilf_get_info(file), f->frame = *ilf_get_frame(file);
     f->nu = f->info.n_u, f->nv = f->info.n_v, f->n = f->nu * f->nv, f->nt = f->info.n_theta,
     f->np = f->info.n_phi;
@@ -46,8 +48,9 @@ int lf_read(lightfield *f, const char *path, errmsg *e)
     f->rgb = malloc((size_t)f->n * (size_t)f->np * (size_t)f->nt * 3 * sizeof *f->rgb);
     int bad = f->pos && f->rgb ? 0 : err_set(e, "%s: no memory for its texels", path);
     if (!bad) bad = read_probes(f, file, e);
+    if (!bad && ilf_check_unchanged(file, &err) != ILF_OK) bad = err_set(e, "%s", err.text);
     if (!bad) set_places(f);
-    ilf_close(file);
+    field_close(file);
     if (bad) lf_free(f);
     return bad;
 }

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "base/outfile.h"
+#include "programs/field_guard.h"
 #include "taken.h"
 
 static const float MOST_HALF = 65504.f;
@@ -84,7 +85,7 @@ int output_write(const char *path, const char *input, const analysis *a, const s
     ilf *file = NULL;
     int bad = l ? 0 : err_set(e, "%s: no memory for its lamps", path);
 
-    if (!bad && ilf_open(&file, input, &err) != ILF_OK) bad = err_set(e, "%s", err.text);
+    if (!bad && field_open(&file, input, &err) != ILF_OK) bad = err_set(e, "%s", err.text);
     if (!bad) ilf_get_notes(&notes, file);
     char *comments = bad ? NULL : history(notes.comments, line);
     if (!bad && !comments) bad = err_set(e, "%s: no memory for its comments", path);
@@ -95,7 +96,7 @@ int output_write(const char *path, const char *input, const analysis *a, const s
         bad = write_file(path, a, &spec, e);
     }
     free(comments);
-    ilf_close(file);
+    field_close(file);
     taken_free(l, *lamps);
     return bad;
 }

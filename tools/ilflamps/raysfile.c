@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "base/outfile.h"
+#include "programs/field_guard.h"
 #include "vec.h"
 
 void rays_add_lamps(float rgb[3], const analysis *a, const double o[3], const double d[3])
@@ -77,9 +78,9 @@ static int one_field(float *out, const char *path, const double *ray, long n, co
     ilf_error err;
     ilf *field;
 
-    if (ilf_open(&field, path, &err) != ILF_OK) return err_set(e, "%s", err.text);
+    if (field_open(&field, path, &err) != ILF_OK) return err_set(e, "%s", err.text);
     const int bad = evaluate(out, ray, n, field, a, e);
-    ilf_close(field);
+    field_close(field);
     return bad;
 }
 

@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "programs/field_guard.h"
+
 void taken_first(analysis *a)
 {
     for (int i = 0, n = 0; i < a->n; i++) {
@@ -119,7 +121,7 @@ int taken_read(analysis *a, const char *path, errmsg *e)
 
     memset(a, 0, sizeof *a);
     if (lf_read(&a->f, path, e)) return -1;
-    if (ilf_open(&file, path, &err) != ILF_OK) {
+    if (field_open(&file, path, &err) != ILF_OK) {
         lf_free(&a->f);
         return err_set(e, "%s", err.text);
     }
@@ -127,7 +129,7 @@ int taken_read(analysis *a, const char *path, errmsg *e)
     a->lamps = calloc((size_t)n + 1, sizeof *a->lamps);
     bad = a->lamps ? 0 : -1;
     for (; a->n < n && !bad; a->n++) bad = take(&a->lamps[a->n], &l[a->n], &a->f);
-    ilf_close(file);
+    field_close(file);
     if (!bad) return 0;
     analysis_free(a);
     return err_set(e, "%s: no memory for its lamps", path);

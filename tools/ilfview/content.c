@@ -10,6 +10,7 @@
 #include "base/cli.h"
 #include "exr/exr_half.h"
 #include "irradiance.h"
+#include "programs/field_guard.h"
 #include "reduce.h"
 
 enum { LIGHT_GRID = 65, LEAST_SIDE = 4 };
@@ -256,13 +257,14 @@ int content_read(content *c, const char *path, double bytes, const surface_given
     memset(c, 0, sizeof *c);
     c->name = path;
     if (lf_read(&c->field, path, e)) return -1;
-    if (ilf_open(&c->file, path, &err) != ILF_OK) return err_set(e, "%s", err.text);
+    if (field_open(&c->file, path, &err) != ILF_OK) return err_set(e, "%s", err.text);
     c->lamps = ilf_get_luminaires(&c->n_lamps, c->file);
     if (encode_lamps(c, bytes, e) || light_plane(c, e)) return -1;
     const double rest = bytes - BASE64 * 4 *
                                     ((double)c->n_pictures + VIEW_ROW * (c->n_lamps + c->n_masks) +
                                      3. * c->ex * c->ey + 3. * c->field.n);
-    return choose_size(c, rest, e) || encode_probes(c, e) || offer_surfaces(c, given, e) ? -1 : 0;
+    if (choose_size(c, rest, e) || encode_probes(c, e) || offer_surfaces(c, given, e)) return -1;
+    return ilf_check_unchanged(c->file, &err) != ILF_OK ? err_set(e, "%s", err.text) : 0;
 }
 
 void content_free(content *c)
@@ -270,6 +272,6 @@ void content_free(content *c)
     free(c->texels), free(c->lamp_rows), free(c->mask_rows), free(c->pictures);
     free(c->irradiance), free(c->lamp_light);
     lf_free(&c->field);
-    ilf_close(c->file);
+    field_close(c->file);
     memset(c, 0, sizeof *c);
 }
