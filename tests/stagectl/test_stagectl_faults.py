@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import command, environment, run
+from conftest import BUILD, command, environment, run
 from process import execute
 from stage_util import PYTHON, SOON, UNIQUE, Run, Stage, journal, pictures, script, session, shots
 
@@ -31,6 +31,17 @@ def check_whole(path, folder, n):
 
 # ---- kill -9 -----------------------------------------------------------------------------------------------
 
+def records(journal):
+    return journal.read_bytes().count(b"\n") if journal.is_file() else 0
+
+
+def wait_for_records(r, journal, n):
+    """Until the run has written so many, or has ended: however long that takes on a busy machine."""
+    before = records(journal)
+    while r.process.poll() is None and records(journal) < before + n:
+        time.sleep(0.003)
+
+
 def test_killed_at_fifty_random_instants(tmp_path):
     """Each picture is of its own (random bytes): one that was finished and taken again would show."""
     rng = random.Random(2003)
@@ -42,7 +53,9 @@ def test_killed_at_fifty_random_instants(tmp_path):
         kills = 0
         while kills < 50:
             r = Run("--port", stage.port, "capture", path)
-            time.sleep(rng.uniform(0, 0.25) + (0.15 if rng.random() < 0.8 else 0))
+            if rng.random() < 0.8:      # else anywhere, while it starts
+                wait_for_records(r, folder / "journal", rng.randint(1, 12))
+            time.sleep(rng.uniform(0, 0.03))
             r.kill(signal.SIGKILL)
             code = r.end()[0]
             assert code in (-9, 0), code
@@ -461,6 +474,6 @@ def test_a_day_long_session(tmp_path, nodes):
     print(f"\n{total} exposures in {took:.1f} s: {took / total * 1000:.2f} ms each, of which a cp {one_copy * 1000:.2f} ms; "
           f"resume {resume:.2f} s; journal {size / 1e6:.2f} MB; memory {memory[len(memory) // 4]} to {max(memory)} kB")
     assert size <= 5e6 * total / 14400 + 4000
-    assert max(memory) < 30000
+    assert max(memory) < (30000 if "san" not in BUILD.parts else 300000)      # freed memory is kept for a while by ASan
     assert len(list(folder.rglob("*.png"))) == total
     assert "0 missing or changed" in run("stagectl", "verify", path).text
