@@ -1,9 +1,11 @@
-"""Our C lies as .clang-format has it, and rooms include each other downwards only."""
+"""Our C lies as .clang-format has it, clang takes it without a warning, and rooms include each other downwards only."""
 import re
+import shutil
 import sys
 from pathlib import Path
 
-from conftest import TOP
+import pytest
+from conftest import BUILD, TOP
 from process import execute
 
 # Radiance code keeps Radiance's dress
@@ -24,6 +26,19 @@ def test_c_is_formatted():
     said = re.findall(r"^(\S+?):(\d+):\d+: error", p.stderr, re.M)
     assert p.returncode == 0, "not as .clang-format has it (build/venv/bin/clang-format -i FILE): " + ", ".join(
         f"{f}:{n}" for f, n in said[:10])
+
+
+CLANGS = [c for n in range(14, 23) if (c := shutil.which(f"clang-{n}"))] or [c for c in [shutil.which("clang")] if c]
+
+
+@pytest.mark.skipif(not CLANGS, reason="no clang on this machine (gcc is the one that builds)")
+@pytest.mark.parametrize("compiler", dict.fromkeys([*CLANGS[:1], *CLANGS[-1:]]))     # the oldest and the newest
+def test_clang_takes_it_without_a_warning(compiler):
+    ours = [f for f in sources(".c") if f.relative_to(TOP).parts[0] in ("common", "ilfmat", "tools")]
+    p = execute([compiler, "-fsyntax-only", "-std=c11", "-D_GNU_SOURCE", '-DILF_VERSION="0"', "-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Werror",
+                 "-Wno-enum-float-conversion", "-Wno-unknown-pragmas", "-Icommon", "-Iilfmat", "-Itools", "-isystem", "/usr/include/OpenEXR",
+                 "-isystem", "/usr/include/Imath", f"-I{BUILD}/gen", *ours], cwd=TOP, capture_output=True, text=True)
+    assert p.returncode == 0, p.stderr[-3000:]
 
 
 # A room may include what stands in the rooms named here, and itself; the first part of a path is the room.

@@ -27,8 +27,10 @@
 
 #define DEG (M_PI / 180)
 
+typedef enum radial_kind { R_KB, R_PINHOLE, R_FOV, R_OMNI, R_EUCM, R_DS } radial_kind;
+
 typedef struct radial {
-    enum { R_KB, R_PINHOLE, R_FOV, R_OMNI, R_EUCM, R_DS } kind;
+    radial_kind kind;
     double k[8], a, b, xi;
 } radial;
 
@@ -271,7 +273,8 @@ static int read_kalibr(lens *l, const source *s, const double *q, int n, errmsg 
                        s->name, model ? "no distortion_model" : "no camera_model");
     static const struct {
         const char *name;
-        int n, kind;
+        int n;
+        radial_kind kind;
     } models[] = {{"pinhole", 4, R_PINHOLE}, {"omni", 5, R_OMNI}, {"eucm", 6, R_EUCM}, {"ds", 6, R_DS}};
     int which = -1;
     for (int i = 0; i < 4; i++)

@@ -241,11 +241,11 @@ static void solve3(double x[3], double a[3][3], double y[3], int n)
 /* Least squares, doubtful sayings weighing less each round: the sheet's change d and each point's e. */
 static void agree(double d[3], double *e, outline *o, saying *s, int n, int moves, double size)
 {
-    double *top = calloc((size_t)o->n * 5, sizeof *top), scale = 1e30, d0[3] = {0, 0, 0};
+    double *top = calloc((size_t)o->n * 5, sizeof *top), scale = 1e30;
 
     memset(d, 0, 3 * sizeof *d);
     for (int round = 0; round < 6 && top; round++) {
-        double N[3][3] = {{0}}, y[3] = {0}, spread = 0, weight = 0;
+        double N[3][3] = {{0}}, y[3] = {0};
         memset(top, 0, (size_t)o->n * 5 * sizeof *top);
         for (int i = 0; i < n; i++) { /* sums per point: w, w off, w lean */
             double r = s[i].off - e[s[i].point];
@@ -254,7 +254,6 @@ static void agree(double d[3], double *e, outline *o, saying *s, int n, int move
             double *t = top + 5 * s[i].point;
             t[0] += w, t[1] += w * s[i].off;
             for (int c = 0; c < moves; c++) t[2 + c] += w * s[i].lean[c];
-            if (round) spread += w * r * r, weight += w;
         }
         for (int i = 0; i < n; i++) {
             double r = s[i].off - e[s[i].point];
@@ -284,7 +283,6 @@ static void agree(double d[3], double *e, outline *o, saying *s, int n, int move
         }
         scale = all > 0 ? fmax(1.5 * sum / all, 1e-4 * size) : 1;
     }
-    (void)d0;
     free(top);
 }
 
