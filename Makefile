@@ -101,7 +101,7 @@ PARTS = $(filter %.o %.a,$^)
 DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
 DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev libssl-dev libjansson-dev \
 	libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
-DEBS_TEST     := gphoto2 openexr pkg-config
+DEBS_TEST     := gphoto2 openexr pkg-config zsh
 deps: deps-radiance deps-tools deps-test
 deps-radiance: $(B0)/.debs-radiance
 deps-tools: $(B0)/.debs-tools
