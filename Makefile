@@ -231,7 +231,7 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 -include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk tools/ilfview/ilfview.mk
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
 -include report/report.mk tests/radiance_patch/stock.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
--include docs/docs.mk
+-include docs/docs.mk setup/deb.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
 $(B)/test/falloffsim: LIBS_IMAGE += -llapacke -llapack
@@ -283,7 +283,7 @@ install: all
 
 #?main: demo            the main job on real photographs and on a virtual capture
 #?main: test            the tests (TEST_ARGS=... goes to pytest)
-#?main: install         PREFIX=/usr/local [DESTDIR=] [PROGRAM_PREFIX=]
+#?main: install         PREFIX=/usr/local [DESTDIR=] [PROGRAM_PREFIX=] [APART=1: all in PREFIX/lib/ilf, links to ours]
 #?build: all             every program, Radiance with the material, man pages (the default)
 #?build: radiance        Radiance's programs with the material ilf (needs no OpenCV)
 #?build: tools           the toolchain's own programs
