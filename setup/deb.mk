@@ -1,7 +1,7 @@
 # Debian packages, and their trial in a clean root.  Included by the top Makefile.
 #
 #?build: deb             Debian packages, in build/deb/
-#?measures: test-deb        those, looked at by lintian, installed in a clean system, used, and removed (root, debootstrap; five minutes)
+#?measures: test-deb        make deb's packages: looked at by lintian, installed in a clean system, used, purged (root, debootstrap; six minutes)
 
 DEB := $(B0)/deb
 .PHONY: deb test-deb

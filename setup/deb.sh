@@ -115,7 +115,7 @@ libraries() { # libraries PACKAGE: those of its programs, as dpkg-shlibdeps find
     mkdir -p "$work/source/debian"
     printf 'Source: ilf\n\nPackage: %s\nArchitecture: any\n' "$1" >"$work/source/debian/control"
     (cd "$work/source" && find "$work/$1" -type f \( -path '*/bin/*' -o -name '*.so.*' \) -exec sh -c 'for f; do case $(file -b "$f") in *ELF*dynamic*) echo "$f" ;; esac; done' sh {} + |
-        sed 's/^/-e/' | xargs dpkg-shlibdeps -O --warnings=1 2>"$work/shlibdeps.log" | sed 's/^shlibs:Depends=//') ||
+        sed 's/^/-e/' | tr '\n' '\0' | xargs -0 dpkg-shlibdeps -O --warnings=1 2>"$work/shlibdeps.log" | sed 's/^shlibs:Depends=//') ||
         { cat "$work/shlibdeps.log" >&2; exit 1; }
 }
 pack() { # pack PACKAGE SECTION DEPENDS SHORT LONG [FURTHER FIELD]
