@@ -101,7 +101,7 @@ PARTS = $(filter %.o %.a,$^)
 DEBS_RADIANCE := gcc libc6-dev make patch python3 python3-venv libopenexr-dev
 DEBS_TOOLS    := g++ libpng-dev libjpeg-dev libtiff-dev libraw-dev libexif-dev liblapacke-dev libssl-dev libjansson-dev \
 	libopencv-core-dev libopencv-imgproc-dev libopencv-video-dev
-DEBS_TEST     := gphoto2 openexr pkg-config
+DEBS_TEST     := gphoto2 openexr pkg-config zsh
 deps: deps-radiance deps-tools deps-test
 deps-radiance: $(B0)/.debs-radiance
 deps-tools: $(B0)/.debs-tools
@@ -228,10 +228,10 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 	@mkdir -p $(@D) && cp $< $@
 
 # ---- the main job, tests, measurements -------------------------------------------------------------
--include scenes/scenes.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk tools/ilfview/ilfview.mk
+-include scenes/scenes.mk scenes/composite.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk tools/ilfview/ilfview.mk
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
 -include report/report.mk tests/radiance_patch/stock.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
--include docs/docs.mk
+-include docs/docs.mk setup/deb.mk
 
 # ---- test drivers ----------------------------------------------------------------------------------
 $(B)/test/falloffsim: LIBS_IMAGE += -llapacke -llapack
@@ -283,7 +283,7 @@ install: all
 
 #?main: demo            the main job on real photographs and on a virtual capture
 #?main: test            the tests (TEST_ARGS=... goes to pytest)
-#?main: install         PREFIX=/usr/local [DESTDIR=] [PROGRAM_PREFIX=]
+#?main: install         PREFIX=/usr/local [DESTDIR=] [PROGRAM_PREFIX=] [APART=1: all in PREFIX/lib/ilf, links to ours]
 #?build: all             every program, Radiance with the material, man pages (the default)
 #?build: radiance        Radiance's programs with the material ilf (needs no OpenCV)
 #?build: tools           the toolchain's own programs

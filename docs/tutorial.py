@@ -76,6 +76,7 @@ def tall(image, times):
 
 
 def draw(work, folder, first):
+    import composite
     import pictures
     folder.mkdir(parents=True, exist_ok=True)
     save(folder / "exposures.jpg", *(first[f"IMG_{k}.png"] for k in (1, 2, 3, 4, 5)))
@@ -84,6 +85,9 @@ def draw(work, folder, first):
     photo, lit, one = (pictures.read(work / f"{n}.hdr") for n in ("photo", "lit", "one"))
     white = np.percentile(photo.max(-1), 97)
     save(folder / "pictures.jpg", *(shown(p, white) for p in (photo, lit, one)))
+    plate, made = pictures.read(work / "plate.hdr"), exr(work / "composite/composite.difference.exr")
+    rendered = [pictures.read(work / f"composite/{n}.big.hdr") for n in ("with_room", "without_room", "mask")]
+    save(folder / "composite.jpg", *(shown(p, white) for p in (plate, made, *(composite.composite(plate, *rendered, kind) for kind in ("ratio", "none")))))
     circle = np.asarray(Image.open(work / "circle.png").convert("RGB"))
     save(folder / "own.jpg", circle, tall(shown(exr(work / "probe.exr")), 4), shown(pictures.read(work / "own.hdr")))
 

@@ -38,7 +38,7 @@ endif
 
 # function files and meshes that several scenes share stand behind the session's own
 export PATH    := $(BIN):$(PATH)
-OURS    := $(if $(INSTALLED),$(abspath $(INSTALLED)/../../ray),$(abspath $(BUILD))/lib:$(ROOT)/build/lib:$(ROOT)/scenes/studio:$(ROOT)/build/models)
+OURS    := $(if $(INSTALLED),$(abspath $(firstword $(wildcard $(INSTALLED)/../lib/ray) $(INSTALLED)/../../ray)),$(abspath $(BUILD))/lib:$(ROOT)/build/lib:$(ROOT)/scenes/studio:$(ROOT)/build/models)
 export RAYPATH := .:$(dir $(SESSION)):$(OURS):$(or $(RAYPATH),/usr/local/lib/ray)
 
 get = $(shell $(BIN)/stagectl get $(SESSION) $(1))

@@ -2,7 +2,9 @@
 # Install what was built:
 # install.sh BUILD BUILD0 DESTDIR PREFIX PROGRAM_PREFIX VERSION ABI OUR-PROGRAM... -- RADIANCE-PROGRAM...
 # Radiance's programs keep their names (scenes call them by these): they replace an installation of their own version
-# under PREFIX.  Every file comes whole under its name, so that a running program keeps its own.
+# under PREFIX.  With APART=1 in the environment nothing is replaced: all programs and function files lie in PREFIX/lib/ilf, of which
+# PREFIX/bin has links to ours alone.  PREFIXED="hdrgen" gives PROGRAM_PREFIX to these only, not to all of ours.
+# Every file comes whole under its name, so that a running program keeps its own.
 set -eu
 umask 022
 build=$1 build0=$2 destdir=$3 prefix=$4 mark=$5 version=$6 abi=$7
@@ -10,11 +12,18 @@ shift 7
 [ -n "$prefix" ] || { echo "install: expected PREFIX=FOLDER, found nothing" >&2; exit 1; }
 case $prefix in /*) ;; *) prefix=$(pwd)/$prefix ;; esac
 dest=$destdir$prefix
+apart=${APART-} prefixed=${PREFIXED-}
 bin=$dest/bin ray=$dest/lib/ray doc=$dest/share/doc/ilf man=$dest/share/man
-mkdir -p "$bin" "$dest/lib/pkgconfig" "$ray" "$dest/include" "$man/man1" "$man/man7" "$doc"
+[ -z "$apart" ] || bin=$dest/lib/ilf/bin ray=$dest/lib/ilf/lib/ray
+bash=$dest/share/bash-completion/completions zsh=$dest/share/zsh/site-functions
+mkdir -p "$dest/bin" "$bin" "$dest/lib/pkgconfig" "$ray" "$dest/include" "$man/man1" "$man/man7" "$doc" "$bash" "$zsh"
 
 put() { # put MODE FROM TO
     cp "$2" "$3.part" && chmod "$1" "$3.part" && mv -f "$3.part" "$3"
+}
+
+named() { # named PROGRAM: what it is called in PREFIX/bin
+    case " ${prefixed:-$1} " in *" $1 "*) echo "$mark$1" ;; *) echo "$1" ;; esac
 }
 
 ours=1
@@ -24,12 +33,19 @@ for p in "$@"; do
         continue
     fi
     to=$p
-    [ -z "$ours" ] || to=$mark$p
+    [ -z "$ours" ] || to=$(named "$p")
     from=$build/bin/$p
     [ -f "$from" ] || from=$build0/bin/$p # fetched, not built: not in SAN's folder
-    put 755 "$from" "$bin/$to"
+    if [ -n "$apart" ]; then
+        put 755 "$from" "$bin/$p"
+        [ -z "$ours" ] || ln -sf "../lib/ilf/bin/$p" "$dest/bin/$to"
+    else put 755 "$from" "$bin/$to"; fi
+    [ -n "$ours" ] || continue
     page=$build0/man/man1/$p.1
-    [ -z "$ours" ] || [ ! -f "$page" ] || put 644 "$page" "$man/man1/$to.1"
+    [ ! -f "$page" ] || put 644 "$page" "$man/man1/$to.1"
+    # what completes a command in the shells is made by the program itself
+    "$dest/bin/$to" --completion=bash >"$bash/$to"
+    "$dest/bin/$to" --completion=zsh >"$zsh/_$to"
 done
 for f in "$build0/man/man7/"*.7; do put 644 "$f" "$man/man7/$(basename "$f")"; done
 put 644 "$build/lib/libilf.a" "$dest/lib/libilf.a"
@@ -51,8 +67,8 @@ sed -e 's,\.\./\.\./build/capture,out,g' -e 's,make -C scenes CAPTURE=.*,make -f
 put 644 "$build0/session.part" "$dest/share/ilf/example/session.conf"
 rm -f "$build0/session.part"
 for p in "$@"; do
-    [ "$p" != -- ] || mark=
-    [ "$p" = -- ] || ln -sf "../../../bin/$mark$p" "$dest/lib/ilf/bin/$p"
+    [ -z "$apart" ] || break
+    if [ "$p" = -- ]; then mark=; else ln -sf "../../../bin/$(named "$p")" "$dest/lib/ilf/bin/$p"; fi
 done
 # the Python package, to be installed by pip, which finds libilf beside it
 (cd python && find . -type f ! -path '*/__pycache__/*') | while IFS= read -r f; do
@@ -77,4 +93,5 @@ Cflags: -I"\${includedir}"
 EOF
 chmod 644 "$dest/lib/pkgconfig/ilf.pc"
 echo "installed under $dest; a shell needs:"
+[ -z "$apart" ] || prefix=$prefix/lib/ilf
 echo "  export PATH=\"$prefix/bin:\$PATH\" RAYPATH=\".:$prefix/lib/ray:\${RAYPATH-}\""

@@ -53,9 +53,9 @@ static const cli_opt *by_letter(char c)
     return NULL;
 }
 
-static int in_table(const cli_opt *o, const char *name)
+int cli_is_replaced(const cli_prog *prog, const char *name)
 {
-    for (; o && o->name; o++)
+    for (const cli_opt *o = prog->opts; o && o->name; o++)
         if (strcmp(o->name, name) == 0) return 1;
     return 0;
 }
@@ -69,7 +69,7 @@ static const cli_opt *by_name(const char *name, size_t len)
         for (const cli_opt *o = tables[t]; o && o->name; o++) {
             if (strncmp(o->name, name, len) != 0) continue;
             if (o->name[len] == 0) return o;
-            if (t == 1 && in_table(the_prog->opts, o->name)) continue; /* the program has its own */
+            if (t == 1 && cli_is_replaced(the_prog, o->name)) continue; /* the program has its own */
             if (!found) found = o;
             else second = o;
         }
@@ -194,6 +194,12 @@ int cli_parse(const cli_prog *prog, int argc, char **argv)
     memcpy(given, argv, ((size_t)argc + 1) * sizeof *given);
     ngiven = argc;
     given_as = argv;
+
+    static const char completion[] = "--completion=";
+    if (argc == 2 && strncmp(argv[1], completion, sizeof completion - 1) == 0) {
+        cli_print_completion(prog, argv[0], argv[1] + sizeof completion - 1);
+        exit(cli_end(CLI_OK));
+    }
 
     int noperands = 0, only_operands = 0;
     for (int i = 1; i < argc; i++) {

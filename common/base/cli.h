@@ -5,6 +5,9 @@
  * them in its table.  Long options may be written --name=value or --name value and may be
  * shortened to an unambiguous prefix; options and operands may be mixed; "--" ends the
  * options; "-" alone and anything that reads as a negative number are operands.
+ *
+ * A lone --completion=bash or --completion=zsh, which --help doesn't name, prints the table as the shell's
+ * completion, for the name that the program was called by.
  */
 #ifndef CLI_H
 #define CLI_H
@@ -39,6 +42,12 @@ typedef struct cli_opt {
     const char *help;    /* running text, filled to the terminal's width; unit and default included */
 } cli_opt;
 
+/* Words that an option's value may be, where its metavar ("half|float") doesn't say them: for shell completion. */
+typedef struct cli_choice {
+    const char *option; /* long name; "" for the first operand; NULL ends the table */
+    const char *words;  /* separated by blanks; FILE among them: or a file */
+} cli_choice;
+
 typedef struct cli_prog {
     const char *name;     /* as printed before ':' in messages */
     const char *operands; /* usage after the options: "-o OUT IMAGE..." */
@@ -46,6 +55,7 @@ typedef struct cli_prog {
     const cli_opt *opts;
     const char *epilog; /* more text for --help, or NULL: filled too, but for empty lines and lines that begin
                            with a blank */
+    const cli_choice *choices; /* or NULL */
 } cli_prog;
 
 extern int cli_quiet;   /* --quiet was given */

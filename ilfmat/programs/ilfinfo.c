@@ -28,10 +28,14 @@ static const cli_opt options[] = {
     {0}};
 
 static const cli_prog prog = {
-    "ilfinfo", "FILE", "Describe an incident light field.", options,
+    "ilfinfo",
+    "FILE",
+    "Describe an incident light field.",
+    options,
     "Radiance is in W/sr/m^2; luminance is 179 (0.265 R + 0.670 G + 0.065 B) cd/m^2.\n"
     "Of a file of version 2 the lamps come after the header, and the values are what is left in the "
-    "probes.\n"};
+    "probes.\n",
+    NULL};
 
 /* Radiance's luminance of a colour, without the 179 lm/W. */
 static double bright(const float *c)

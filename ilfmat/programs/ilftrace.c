@@ -27,10 +27,14 @@ static const cli_opt options[] = {
     {0}};
 
 static const cli_prog prog = {
-    "ilftrace", "FILE < RAYS", "Look up rays in an incident light field.", options,
+    "ilftrace",
+    "FILE < RAYS",
+    "Look up rays in an incident light field.",
+    options,
     "Each line of standard input is a ray: ox oy oz dx dy dz hx hy hz (origin, direction,\n"
     "hit point on the auxiliary geometry; inf inf inf when that is infinitely far away).\n"
-    "Each line of output is its radiance: R G B.\n"};
+    "Each line of output is its radiance: R G B.\n",
+    NULL};
 
 /* Nine numbers and nothing else; 0 on success, else the number of numbers found, or -1 for more. */
 static int read_ray(double ray[9], const char *line)

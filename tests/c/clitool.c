@@ -40,7 +40,7 @@ static const cli_opt opts[] = {
     {"three", 0, CLI_CALL, three, take_three, "A,B,C", "three numbers"},
     {0},
 };
-static const cli_prog prog = {"clitool", "[OPERAND...]", "Prints what it was given.", opts, "The end."};
+static const cli_prog prog = {"clitool", "[OPERAND...]", "Prints what it was given.", opts, "The end.", NULL};
 
 static void write_output(void)
 {

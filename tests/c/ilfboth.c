@@ -16,7 +16,7 @@
 
 static int rays = 100000;
 static const cli_opt opts[] = {{"rays", 'n', CLI_INT, &rays, NULL, "N", "rays (default 100000)"}, {0}};
-static const cli_prog prog = {"ilfboth", "FILE [OTHER]", "Compares lookups.", opts, ""};
+static const cli_prog prog = {"ilfboth", "FILE [OTHER]", "Compares lookups.", opts, "", NULL};
 
 /* About the plane, in all directions; one in eight of another size, parallel, on the plane, on a probe, or at
  * the seam. */

@@ -18,7 +18,7 @@ static const cli_opt opts[] = {
     {"digest", 0, CLI_FLAG, &digest, NULL, NULL, "print IN's digest, write nothing"},
     {0},
 };
-static const cli_prog prog = {"ilfcopy", "IN OUT", "Writes a light field anew.", opts, ""};
+static const cli_prog prog = {"ilfcopy", "IN OUT", "Writes a light field anew.", opts, "", NULL};
 
 int main(int argc, char **argv)
 {

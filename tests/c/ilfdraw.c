@@ -31,8 +31,8 @@ static const cli_opt opts[] = {
      "luminance that counts as bright (default: the library's)"},
     {0},
 };
-static const cli_prog prog = {"ilfdraw", "sample|pdf|lamps|info FILE", "Draws from a light field's sampler.",
-                              opts, ""};
+static const cli_prog prog = {
+    "ilfdraw", "sample|pdf|lamps|info FILE", "Draws from a light field's sampler.", opts, "", NULL};
 
 static void ok(ilf_status st, const ilf_error *err)
 {

@@ -46,7 +46,7 @@ static const cli_opt opts[] = {
     {0},
 };
 static const cli_prog prog = {"ilflight", "FILE", "Estimates of the light of a light field's bright part.",
-                              opts, ""};
+                              opts,       "",     NULL};
 
 /* A point being lit, and what comes to it. */
 typedef struct host {

@@ -21,7 +21,7 @@ static const cli_opt opts[] = {
     {"lookups", 'n', CLI_INT, &lookups, NULL, "N", "lookups of each kind (default 4000000)"},
     {0},
 };
-static const cli_prog prog = {"ilfspeed", "FILE", "Times lookups in a light field.", opts, ""};
+static const cli_prog prog = {"ilfspeed", "FILE", "Times lookups in a light field.", opts, "", NULL};
 
 enum { RANDOM, POINT, COHERENT };
 

@@ -32,8 +32,8 @@ static const cli_opt opts[] = {
     {"layer", 0, CLI_STRING, &how.layer, NULL, "NAME", "of an EXR"},
     {0},
 };
-static const cli_prog prog = {"imgtool", "probe|dump|rows|stream|linear|convert FILE [OUT]",
-                              "Tests picture I/O.", opts, NULL};
+static const cli_prog prog = {
+    "imgtool", "probe|dump|rows|stream|linear|convert FILE [OUT]", "Tests picture I/O.", opts, NULL, NULL};
 
 static void print_info(const img_info *i)
 {

@@ -69,6 +69,9 @@ def test_all_that_make_builds_is_installed(installed):
     assert data == {str(f.relative_to(tree / "lib/ray")) for f in (tree / "lib/ray").rglob("*") if f.is_file()}
     assert "rayinit.cal" in data and "helvet.fnt" in data
     assert {f.stem for f in (tree / "share/man/man1").iterdir()} == {f"ilf-{p}" for p in OURS} and (tree / "share/man/man7/ilf.7").exists()
+    assert {f.name for f in (tree / "share/bash-completion/completions").iterdir()} == {f"ilf-{p}" for p in OURS}
+    assert "complete -F _ilf_complete_hdrgen ilf-hdrgen\n" in (tree / "share/bash-completion/completions/ilf-hdrgen").read_text()
+    assert {f.name for f in (tree / "share/zsh/site-functions").iterdir()} == {f"_ilf-{p}" for p in OURS}
     for f in tree.rglob("*"):
         mode = stat.S_IMODE(f.stat().st_mode)
         assert mode == (0o755 if f.is_dir() or f.parent.name == "bin" else 0o644), f

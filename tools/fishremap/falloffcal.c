@@ -49,10 +49,19 @@ static const cli_opt options[] = {
     {0},
 };
 
+static const cli_choice choices[] = {
+    {"lens", "equidistant equisolid stereographic orthographic FILE"},
+    {"centre", "auto"},
+    {0},
+};
+
 static const cli_prog prog = {
-    "falloffcal", "-o FALLOFF IMAGE@DEG...",
+    "falloffcal",
+    "-o FALLOFF IMAGE@DEG...",
     "Measure a lens's brightness falloff from pictures of a constant diffuse source at known angles.",
-    options, "IMAGE@DEG: a picture and the source's angle from the optical axis, such as s05.exr@25."};
+    options,
+    "IMAGE@DEG: a picture and the source's angle from the optical axis, such as s05.exr@25.",
+    choices};
 
 /* Load as 4 channels of linear light and make the chart of its image circle; *white: its highest code, 0 if
  * it has none. */

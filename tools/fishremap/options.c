@@ -402,8 +402,26 @@ static const cli_opt options[] = {
     {0},
 };
 
+static const cli_choice choices[] = {
+    {"lens", "equidistant equisolid stereographic orthographic FILE"},
+    {"centre", "auto"},
+    {"circles", "auto"},
+    {"pose", "stated"},
+    {"from", "fisheye ball probe latlong angular"},
+    {"to", "probe fisheye ball latlong angular"},
+    {"outside", "alpha black hold"},
+    {"filter", "area gaussian"},
+    {"corners", "auto"},
+    {"second-gain", "auto"},
+    {"type", "float half"},
+    {"compression", "none rle zips zip piz pxr24 b44 b44a"},
+    {0},
+};
+
 const cli_prog prog = {
-    "fishremap", "-o OUT IN...",
+    "fishremap",
+    "-o OUT IN...",
     "Remap a fisheye picture, a mirror ball or a mirror-sphere array to latitude/longitude light probes.",
     options,
-    "Every output texel is a mean over its footprint in the picture, so that a lamp keeps its energy."};
+    "Every output texel is a mean over its footprint in the picture, so that a lamp keeps its energy.",
+    choices};

@@ -218,11 +218,23 @@ static const cli_opt options[] = {
     {0},
 };
 
+static const cli_choice choices[] = {
+    {"response", "debevec mitsunaga linear srgb FILE"},
+    {"weight", "noise debevec"},
+    {"align", "always auto never"},
+    {"bayer", "RGGB BGGR GRBG GBRG"},
+    {"colour", "srgb xyz acescg camera"},
+    {"type", "float half"},
+    {"compression", "none rle zips zip piz dwaa"},
+    {0},
+};
+
 static const cli_prog prog = {
     .name = "hdrgen",
     .operands = "-o OUT IMAGE...",
     .summary = "Merge an exposure series into one picture of radiance.",
     .opts = options,
+    .choices = choices,
     .epilog = "Radiance is relative to the exposure that reaches the highest code in one second,\n"
               "unless --calibrate says what it is.\n"
               "Not to be confused with Greg Ward's program of the same name.",

@@ -45,10 +45,13 @@ static const cli_opt options[] = {
     {0}};
 
 static const cli_prog prog = {
-    "ilfdepth", "IN.ilf.exr | --positions FILE",
-    "Find how far the surroundings of a light field are, from the parallax between its probes.", options,
+    "ilfdepth",
+    "IN.ilf.exr | --positions FILE",
+    "Find how far the surroundings of a light field are, from the parallax between its probes.",
+    options,
     "Of a light field of version 2 what is left in the probes is compared; its lamps stand where the "
-    "file says.\n"};
+    "file says.\n",
+    NULL};
 
 static int asked(void)
 {

@@ -78,10 +78,18 @@ static const cli_opt options[] = {
      "their radiance: R G B floats by the input, then again by lamps and what is left"},
     {0}};
 
-static const cli_prog prog = {"ilflamps", "IN.ilf.exr",
-                              "Find the lamps of an incident light field and what hides them.", options,
+static const cli_choice choices[] = {
+    {"compression", "none rle zips zip piz pxr24 b44 b44a"},
+    {0},
+};
+
+static const cli_prog prog = {"ilflamps",
+                              "IN.ilf.exr",
+                              "Find the lamps of an incident light field and what hides them.",
+                              options,
                               "IN may be of version 2, too: then its lamps are as they are, to be changed "
-                              "(--set), composed, shown.\n"};
+                              "(--set), composed, shown.\n",
+                              choices};
 
 static int how_many(void)
 {

@@ -70,14 +70,21 @@ static const cli_opt options[] = {
     {"output", 'o', CLI_STRING, &target, NULL, "OUT.ilf.exr", "file to write"},
     {0}};
 
+static const cli_choice choices[] = {
+    {"compression", "none rle zips zip piz pxr24 b44 b44a"},
+    {0},
+};
+
 static const cli_prog prog = {
     "ilfpack",
     "--grid NxM --plane \"O U V\" -o OUT.ilf.exr PROBE... | --positions FILE -o OUT.ilf.exr [PANORAMA...]",
-    "Pack light probes into an incident light field.", options,
+    "Pack light probes into an incident light field.",
+    options,
     "PROBEs are latitude/longitude maps of one size: OpenEXR, Radiance .hdr, PNG, JPEG, TIFF or PNM\n"
     "(8 and 16 bit pictures count as sRGB).  They come row by row: (0,0) (1,0) ... (N-1,M-1).\nWith "
     "--positions they are equirectangular panoramas (top row up, middle column forward, columns to the "
-    "right), in any order.\n"};
+    "right), in any order.\n",
+    choices};
 
 /* ---- what a probe's own header says ------------------------------------------------------------ */
 

@@ -38,11 +38,19 @@ static const cli_opt options[] = {
      "Y1 Z1\" (default: a box estimated from the probes, of a single probe a sphere)"},
     {0}};
 
-static const cli_prog prog = {"ilfview", "-o VIEW.html FILE [FILE2]",
-                              "Make a page to look at one light field, or at two side by side.", options,
+static const cli_choice choices[] = {
+    {"geometry", "none"},
+    {0},
+};
+
+static const cli_prog prog = {"ilfview",
+                              "-o VIEW.html FILE [FILE2]",
+                              "Make a page to look at one light field, or at two side by side.",
+                              options,
                               "The page is a single file that any browser with WebGL2 opens: the plane from "
                               "above with the light on it, and what "
-                              "arrives at a point of it.\n"};
+                              "arrives at a point of it.\n",
+                              choices};
 
 static void check_usage(int n)
 {

@@ -55,11 +55,19 @@ static const cli_opt opts[] = {
     {"dry-run", 0, CLI_FLAG, &o.dry_run, NULL, NULL, "say what would be done; touch neither stage nor files"},
     {0}};
 
+static const cli_choice choices[] = {
+    {"", "home move where status unlock plan capture resume verify keys get list seen"},
+    {"driver", "grbl c4"},
+    {"dtr", "on off"},
+    {0},
+};
+
 static const cli_prog prog = {
     .name = "stagectl",
     .operands = "COMMAND [ARGUMENT]...",
     .summary = "Move a camera over a grid and take its exposures, whatever happens.",
     .opts = opts,
+    .choices = choices,
     .epilog = "Commands:\n"
               "  home, move X Y        the stage; positions are machine mm\n"
               "  where, status         where it stands; what it is\n"

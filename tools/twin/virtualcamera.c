@@ -111,11 +111,18 @@ static const cli_opt opts[] = {
      "renderer (rtrace beside this program, else in PATH)"},
     {0}};
 
+static const cli_choice choices[] = {
+    {"lens", "equidistant equisolid stereographic orthographic"},
+    {"response", "linear srgb FILE"},
+    {0},
+};
+
 static const cli_prog prog = {
     .name = "virtualcamera",
     .operands = "--octree FILE --plane \"O U V\" --grid NxM --node I,J --seconds T -o OUT",
     .summary = "Render what a fisheye camera sees from the plane and develop one exposure of it.",
     .opts = opts,
+    .choices = choices,
     .epilog = "The camera looks along U x V with +V up in the picture, so +U is to the left."};
 
 /* rtrace of the same installation; it finds its function files by itself. */

@@ -83,10 +83,16 @@ static const cli_opt opts[] = {
      "in move N: alarm1 alarm3 error9 reboot silence unplug slip hold door sleep check\ngarble stray"},
     {0}};
 
+static const cli_choice choices[] = {
+    {"dialect", "grbl grblhal c4"},
+    {0},
+};
+
 static const cli_prog prog = {.name = "virtualstage",
                               .operands = "[--link PATH]",
                               .summary = "Answer as a stage's controller on a pseudo-terminal.",
                               .opts = opts,
+                              .choices = choices,
                               .epilog =
                                   "The terminal's name is printed on standard output.  Ends on SIGTERM."};
 
