@@ -87,9 +87,9 @@ no-office:
 $(OUT_OFFICE)/fisheye.exr: $(OFFICE_IMAGES) $(call made_by,hdrgen)
 	@mkdir -p $(@D)
 	@echo "  office: merging $(words $(OFFICE_IMAGES)) photographs"
-	@$(ILF_ENV) hdrgen --quiet --response $(OFFICE_RESPONSE) -o $@ $(OFFICE_IMAGES)
+	@$(ILF_ENV) $(call on,merge,$@) hdrgen --quiet --response $(OFFICE_RESPONSE) -o $@ $(OFFICE_IMAGES)
 $(OUT_OFFICE)/probe.exr: $(OUT_OFFICE)/fisheye.exr $(call made_by,fishremap)
-	@$(ILF_ENV) fishremap --quiet $(OFFICE_LENS) $(OFFICE_CIRCLE) --size 720x180 --polar-max 90 \
+	@$(ILF_ENV) $(call on,remap,$@) fishremap --quiet $(OFFICE_LENS) $(OFFICE_CIRCLE) --size 720x180 --polar-max 90 \
 	    $(OFFICE_FALLOFF) -o $@ $<
 $(OUT_OFFICE)/office.ilf.exr: $(OUT_OFFICE)/probe.exr $(call made_by,ilfpack)
 	@$(ILF_ENV) ilfpack --quiet --grid 1x1 --plane "-.5 0 -.5  1 0 0  0 0 1" --type float -o $@ $<
