@@ -15,8 +15,9 @@ include scenes/rules.mk scenes/on.mk
 ILF_ENV = PATH="$(TOP)/$(B)/bin:$$PATH" RAYPATH=.:$(TOP)/$(B0)/lib
 # what Radiance's programs read at their start
 FUNCTIONS := $(B0)/lib/.radiance
-# what keeps the cost of a command beside its output
-TIMED     := scenes/timed.py scenes/builds.py
+# what keeps the cost of a command beside its output is TIMED
+ROWS_PY    = $(PY)
+include scenes/rows.mk
 
 # One probe for the whole scene.  Its node is the middle of a rectangle as large as the plane, so
 # that the depth correction knows where it stood.   $(eval $(call single_probe,NAME,PROBE))

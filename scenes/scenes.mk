@@ -96,11 +96,11 @@ $(OUT_OFFICE)/office.ilf.exr: $(OUT_OFFICE)/probe.exr $(call made_by,ilfpack)
 $(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(MODELS)/statue.rtm $(call made_by,oconv xform) | $(FUNCTIONS)
 	@$(OFFICE_RUN) oconv -f $(SCENES)/office.rad > $@.part
 	@mv $@.part $@
-$(eval $(call settings,$(OUT_OFFICE)/render.settings,$(DEMO_RES) $(PICT_ILF) -ad $(OFFICE_AD)))
-$(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(OUT_OFFICE)/render.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
-	@echo "  render: office $(PICT_ILF) -ad $(OFFICE_AD)"
-	@$(OFFICE_RUN) $(PY) scenes/timed.py --log $(OUT_OFFICE)/office.json -o $@ -- \
-	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) $(PICT_RAYS) $(PICT_ILF) -ad $(OFFICE_AD) $<
+office_RUN     = $(OFFICE_RUN)
+office_OPTIONS = -vf $(SCENES)/office.vf $(DEMO_RES) $(PICT_RAYS) $(PICT_ILF) -ad $(OFFICE_AD)
+office_SAYS    = echo "  render: office $(PICT_ILF) -ad $(OFFICE_AD)"
+$(eval $(call settings,$(OUT_OFFICE)/render.settings,$(DEMO_RES) $(PICT_ILF) -ad $(OFFICE_AD); $(ROWS) parts))
+$(call in_rows,office,$(OUT_OFFICE)/office.big.hdr,$(OUT_OFFICE)/office.rows,$(OUT_OFFICE)/office.oct,$(SCENES)/office.vf $(OUT_OFFICE)/render.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS))
 $(OUT_OFFICE)/office.hdr: $(OUT_OFFICE)/office.big.hdr $(call made_by,pfilt)
 	@$(ILF_ENV) $(HALVE) $< > $@.part
 	@mv $@.part $@

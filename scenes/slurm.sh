@@ -25,6 +25,7 @@ swept() {
     local folder=${out%/*} file=${out##*/}
     [ "$folder" != "$out" ] || folder=.
     rm -f "$folder/.$file".?????? "$out".*.tmp "$out".part
+    case $out in (*.part) rm -f "$out";; esac
 }
 # a name in a folder that another machine has written may be seen late (NFS): looking into the folder asks anew
 arrived() {
