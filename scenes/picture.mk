@@ -17,9 +17,9 @@ MAKEFLAGS   += --no-builtin-rules
 
 CHAIN   := $(abspath $(dir $(lastword $(MAKEFILE_LIST))))
 ROOT    := $(abspath $(CHAIN)/..)
-INSTALLED := $(wildcard $(CHAIN)/../../../bin/rpict)
+INSTALLED := $(wildcard $(CHAIN)/../../../lib/ilf/bin)
 BUILD   ?= $(ROOT)/build
-BIN     := $(abspath $(if $(INSTALLED),$(dir $(INSTALLED)),$(BUILD)/bin))
+BIN     := $(abspath $(or $(INSTALLED),$(BUILD)/bin))
 DIGESTED := rpict
 ROWS_PY := $(or $(if $(INSTALLED),,$(wildcard $(ROOT)/build/venv/bin/python)),python3)
 # where the words on make's command line count from
@@ -38,7 +38,7 @@ $(if $(filter %.hdr,$(OUT)),,$(error PICTURE=$(PICTURE): expected a name that en
 $(if $(filter -af -o -S -z -r -ro -PP,$(OPTIONS)),$(error OPTIONS: expected none of -af -o -S -z -r -ro -PP: parts have their own))
 
 export PATH    := $(BIN):$(PATH)
-export RAYPATH := .:$(dir $(SCENE)):$(if $(INSTALLED),,$(abspath $(BUILD))/lib:$(ROOT)/build/lib:)$(or $(RAYPATH),/usr/local/lib/ray)
+export RAYPATH := .:$(dir $(SCENE)):$(if $(INSTALLED),$(abspath $(INSTALLED)/../../ray),$(abspath $(BUILD))/lib:$(ROOT)/build/lib):$(or $(RAYPATH),/usr/local/lib/ray)
 include $(CHAIN)/rules.mk $(CHAIN)/on.mk $(CHAIN)/rows.mk
 
 PLACE   := $(patsubst %/,%,$(dir $(OUT)))

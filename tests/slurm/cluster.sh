@@ -2,7 +2,8 @@
 # cluster.sh start FOLDER | stop FOLDER: a Slurm of two nodes on this machine, all of it in FOLDER.
 #
 # Its own munge key and socket, configuration, spool, logs; nothing of a Slurm that is here already is read or changed.  slurm.conf
-# in FOLDER is what SLURM_CONF has to name; PORTS (four numbers from there on) may be moved by ILF_SLURM_PORT.  Who starts it need not be root.
+# in FOLDER is what SLURM_CONF has to name; its three ports are 17000 and the next,
+# or from ILF_SLURM_PORT on.
 set -eu
 verb=$1 folder=$(realpath -m "$2")
 first=${ILF_SLURM_PORT:-17000}
@@ -39,6 +40,8 @@ SelectType=select/cons_tres
 SelectTypeParameters=CR_Core
 JobAcctGatherType=jobacct_gather/none
 AccountingStorageType=accounting_storage/none
+JobCompType=jobcomp/filetxt
+JobCompLoc=$folder/jobs
 ReturnToService=2
 SlurmdTimeout=10
 MinJobAge=30
