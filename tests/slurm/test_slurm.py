@@ -43,7 +43,7 @@ settle = 0.1
 [camera]
 exposures = 1/256 1/4
 command = virtualcamera --quiet --octree room.oct --plane "{plane}" --at {x},{y} --seconds {seconds} --size 48 --response srgb
-  --supersample 1 --refine 0 --no-noise --cache views/{i}_{j} --render-options "-ab 1 -ad 64 -aa .2 -af views/{i}_{j}/room.amb" -o {file}
+  --supersample 1 --refine 0 --no-noise --cache views/{i}_{j} --render-options "-us 1 -ab 1 -ad 64 -aa .2 -af views/{i}_{j}/room.amb" -o {file}
 depends = room.oct
 [output]
 folder = out
@@ -143,10 +143,20 @@ class Cluster:
 
 
 @pytest.fixture(scope="module")
-def cluster():
+def a_cluster():
     c = Cluster()
     yield c
     c.close()
+
+
+@pytest.fixture
+def cluster(a_cluster):
+    """Both nodes there, nothing on them, before a test and after it."""
+    yield a_cluster
+    a_cluster.ask("scancel", "-u", str(os.getuid()))
+    if "down" in a_cluster.ask("sinfo", "-h", "-n", "n2", "-o", "%T"):
+        a_cluster.tell("node", "n2")
+    until(lambda: a_cluster.ask("sinfo", "-h", "-t", "idle", "-o", "%D").strip() == "2", 60)
 
 
 @pytest.fixture
@@ -181,7 +191,7 @@ def leftovers(folder):
 
 
 FINE = "-x 64 -y 48 -ab 1 -aa .2 -ad 64"
-SLOW = "-x 200 -y 150 -ab 2 -aa 0 -ad 40 -lw 0"      # some seconds a part
+SLOW = "-x 400 -y 300 -ab 2 -aa 0 -ad 60 -lw 0"      # some seconds a part
 NEVER = "-x 4000 -y 3000 -ab 2 -aa 0 -ad 400 -lw 0"
 
 
@@ -214,14 +224,19 @@ def begin(cluster, room, options, **more):
     log = open(room / "log", "w")
     p = Process(["make", "-k", "-C", TOP / "scenes", f"BUILD={BUILD}", *picture(room / "there", options), "ON=slurm", "-j4"], env=cluster.environment(),
                 stdout=log, stderr=log, start_new_session=True)
-    until(lambda: len(cluster.running()) == 2, 60)
+    try:
+        until(lambda: len(cluster.running()) == 2, 60)
+    except BaseException:
+        os.killpg(p.pid, signal.SIGTERM)
+        p.wait()
+        raise
     return p
 
 
 def until(true, seconds):
     end = time.monotonic() + seconds
     while not true():
-        assert time.monotonic() < end
+        assert time.monotonic() < end, "waited in vain"
         time.sleep(0.2)
 
 
