@@ -106,10 +106,24 @@ $(eval $(call settings,$(FOLDER)/.hdrgen,$(HDRGEN)))
 $(eval $(call settings,$(FOLDER)/.fishremap,$(FISHREMAP)))
 $(eval $(call settings,$(FOLDER)/.ilfpack,$(ILFPACK) $(NODES) $(PLANE)))
 
-%/fisheye.exr: %/$(LIST) $(FOLDER)/.hdrgen $(call named,$(HDRGEN)) $(call made_by,hdrgen)
-	@cd $(HERE); $(call on,merge,$@) hdrgen $(QUIET) $(HDRGEN) --times $< -o $@ $$(awk -v d=$(@D)/ '/^[^#]/ {print d $$1}' $<)
+# With ON, PER_JOB places are one job, a make on the node, for their steps are short: a merge and a remap are some seconds.  (-o: what was captured
+# is no business of its; a place that fails leaves the others made)
+PER_JOB ?= 16
+ifneq ($(and $(ON),$(filter-out 1,$(PER_JOB)),$(filter grouped-target,$(.FEATURES))),)
+define places_of_a_job
+$(1:%=%/probe.exr) &: $(1:%=%/$(LIST)) $(FOLDER)/.hdrgen $(FOLDER)/.fishremap $(call named,$(HDRGEN) $(FISHREMAP)) $(call made_by,hdrgen fishremap)
+	@$$(call on,places,$(lastword $(1))/probe.exr) $(notdir $(MAKE)) -s -k -j$$$${SLURM_CPUS_PER_TASK:-1} -o $(FOLDER)/.captured -f $(CHAIN)/capture.mk CAPTURE=$(SESSION) \
+	    BUILD=$(abspath $(BUILD)) QUIET=$(QUIET) ON= $(1:%=%/probe.exr)
+endef
+upto_job = $(if $(1),$(eval $(call places_of_a_job,$(wordlist 1,$(PER_JOB),$(1))))$(call upto_job,$(wordlist $(next),$(words $(1)),$(1))))
+next    := $(shell echo $$(($(PER_JOB) + 1)))
+$(call upto_job,$(PLACES))
+else
 %/probe.exr: %/fisheye.exr $(FOLDER)/.fishremap $(call named,$(FISHREMAP)) $(call made_by,fishremap)
 	@cd $(HERE); $(call on,remap,$@) fishremap $(QUIET) $(FISHREMAP) -o $@ $<
+endif
+%/fisheye.exr: %/$(LIST) $(FOLDER)/.hdrgen $(call named,$(HDRGEN)) $(call made_by,hdrgen)
+	@cd $(HERE); $(call on,merge,$@) hdrgen $(QUIET) $(HDRGEN) --times $< -o $@ $$(awk -v d=$(@D)/ '/^[^#]/ {print d $$1}' $<)
 $(LIGHT): $(PLACES:%=%/probe.exr) $(FOLDER)/.ilfpack $(call named,$(ILFPACK)) $(call made_by,ilfpack)
 	@cd $(HERE); ilfpack $(QUIET) $(ILFPACK) --grid $(NODES) --plane "$(PLANE)" -o $@ $(PLACES:%=%/probe.exr)
 	@$(call builds,$(@:.exr=.programs),$(CAMERA_PROGRAMS) hdrgen fishremap ilfpack)

@@ -6,7 +6,7 @@ PARTs are the rows of one picture, from its top to its bottom, none missing: the
 header says which.  The header is the first part's, without what -yr put in there.  A row's code does not depend on the row above, so
 nothing is decoded.  OUT is written whole or not at all.
 
---log FILE.json: what all parts cost together, from what timed.py wrote beside each of them (PART with .json for .hdr): sums of seconds, the
+--log FILE.json: a command for the whole, and what all parts cost together, from what timed.py wrote beside each of them (PART with .json for .hdr): sums of seconds, the
 largest of the memories.  --before: what had to be done once before them.
 """
 import argparse
@@ -63,9 +63,9 @@ def cost(parts, before):
     for path in [*before, *(os.path.splitext(p)[0] + ".json" for p in parts)]:
         with open(path) as f:
             logs.append(json.load(f))
-    # one command for all: K stands for the part's number
-    last = re.sub(r" -yr \d+ (\d+)", r" -yr K \1", logs[-1]["command"])
-    return {"command": last, "cpu_s": round(sum(x["cpu_s"] for x in logs), 2), "wall_s": round(sum(x["wall_s"] for x in logs), 2),
+    # one command that does the same without parts, with a cache of its own
+    whole = re.sub(r" -af \S+ -yr \d+ \d+| -yr \d+ \d+", " -yr 0 1", logs[-1]["command"])
+    return {"command": whole, "cpu_s": round(sum(x["cpu_s"] for x in logs), 2), "wall_s": round(sum(x["wall_s"] for x in logs), 2),
             "peak_mb": max(x["peak_mb"] for x in logs), "programs": logs[-1]["programs"]}
 
 

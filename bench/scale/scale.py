@@ -6,7 +6,7 @@ Four kinds of numbers, printed as lines and written to build/scale.csv:
 
   make       seconds of make a step that has nothing to do, by numbers of steps
   step       seconds of one step that does nothing: on the spot, as a job, as a step of an allocation; as many at a time as nodes
-  nodes      a picture in parts and a small capture: on the spot, on 1 node, on 2 nodes; wall seconds and CPU seconds of the work
+  nodes      steps that sleep, a picture in parts and a small capture: on the spot, on 1 node, on 2 nodes; wall seconds and CPU seconds of the work
   capture    seconds a picture of stagectl, merge, remap and ilfpack a place, from which docs/CLUSTER.md makes its table
 
 Wall seconds are those of the machine as it is: with other work on it, believe the CPU seconds.
@@ -44,10 +44,10 @@ def timed(command, env, **more):
     return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def empty_steps(folder, n, step):
-    """A makefile of n steps, each of which writes an empty file."""
+def empty_steps(folder, n, step, work=":"):
+    """A makefile of n steps, each of which works and writes an empty file."""
     (folder / "Makefile").write_text(f"SHELL := /bin/bash\nall: $(patsubst %,{folder}/%.out,$(shell seq {n}))\n{folder}/%.out:\n"
-                                     f"\t@{step} sh -c ': > $@'\nclean:\n\t@rm -f {folder}/*.out\n")
+                                     f"\t@{step} sh -c '{work}; : > $@'\nclean:\n\t@rm -f {folder}/*.out\n")
     return ["make", "-f", folder / "Makefile"]
 
 
@@ -89,7 +89,15 @@ def work(folder):
 def nodes(cluster, folder):
     env = cluster.environment()
     command = ["make", "-s", "-C", TOP / "scenes", f"BUILD={BUILD}", "QUIET=--quiet"]
-    options = "-x 400 -y 300 -ab 2 -aa 0 -ad 40 -lw 0"
+    # steps that wait need no processor: what is lost on the way is seen, whatever else the machine does
+    on = f"bash {TOP}/scenes/slurm.sh nothing $@"
+    for name, how, more in (("on the spot, -j1", "", ["-j1"]), ("on the spot, -j2", "", ["-j2"]), ("one node, -j1", f"SLURM='-w n1' {on}", ["-j1"]),
+                            ("two nodes, -j2", on, ["-j2"]), ("two nodes, -j8 (6 wait)", on, ["-j8"])):
+        shutil.rmtree(folder / "empty")
+        (folder / "empty").mkdir()
+        wall, _ = timed([*empty_steps(folder / "empty", 20, how, "sleep 1"), *more], env)
+        say("nodes", f"20 steps of 1 s, {name}", wall_s=wall, steps_per_s=20 / wall)
+    options = "-x 400 -y 300 -ab 2 -aa 0 -ad 128 -lw 0"
     for name, more in (("on the spot, -j1", ["-j1"]), ("on the spot, -j2", ["-j2"]), ("one node", ["-j8", "ON=slurm", "SLURM=-w n1"]), ("two nodes", ["-j8", "ON=slurm"])):
         where = scene(folder / name.replace(" ", "").replace(",", ""))
         wall, _ = timed([*command, *T.picture(where, options, 16), *more], env)

@@ -112,7 +112,7 @@ def test_picture_depends_neither_on_jobs_nor_on_order(room):
     make(f"PICTURE={room}/b.hdr", *words, "--shuffle=reverse" if "--shuffle" in execute(["make", "--help"], capture_output=True, text=True).stdout else "-j1")
     assert body((room / "a.hdr").read_bytes()) == body((room / "b.hdr").read_bytes())
     cost = json.loads((room / "a.json").read_text())
-    assert cost["cpu_s"] > 0 and " -yr K 3 " in cost["command"] and set(cost["programs"]) == {"rpict"}
+    assert cost["cpu_s"] > 0 and " -yr 0 1 " in cost["command"] and "-af" not in cost["command"] and set(cost["programs"]) == {"rpict"}
     assert "Nothing to be done" in make(f"PICTURE={room}/a.hdr", *words)
     # what is lost is made again, and nothing else
     (room / "a.rows/1.hdr").unlink()

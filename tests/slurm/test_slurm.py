@@ -198,13 +198,26 @@ NEVER = "-x 4000 -y 3000 -ab 2 -aa 0 -ad 400 -lw 0"
 def test_capture_is_the_one_that_this_machine_makes(cluster, room):
     make(cluster, f"CAPTURE={room}/here/s.conf", "-j2")
     before = len(cluster.ended())
-    make(cluster, f"CAPTURE={room}/there/s.conf", "-j4", "ON=slurm")
+    make(cluster, f"CAPTURE={room}/there/s.conf", "-j4", "ON=slurm", "PER_JOB=1")
     here, there = (np.asarray(read_mosaic(room / d / "out/room.ilf.exr")[1]) for d in ("here", "there"))
     assert np.array_equal(here, there) and here.max() > 0
     jobs = cluster.ended()[before:]
     assert {s for _, s in jobs} == {"COMPLETED"}
     assert sorted(n for n, _ in jobs) == ["merge"] * 4 + ["remap"] * 4 + ["view"] * 9       # five of them for the room's indirect light
-    assert "Nothing to be done" in make(cluster, f"CAPTURE={room}/there/s.conf", "ON=slurm", "-q") or len(cluster.ended()) == before + 17
+    make(cluster, f"CAPTURE={room}/there/s.conf", "ON=slurm", "PER_JOB=1")
+    assert len(cluster.ended()) == before + 17
+    # several places a job, as is usual; one that fails leaves the others made
+    for p in (room / "there/out").rglob("*.exr"):
+        p.unlink()
+    last = sorted((room / "there/out").glob("*/times.txt"))[-1]
+    text = last.read_text()
+    last.write_text("none.png 1\n")
+    said = make(cluster, f"CAPTURE={room}/there/s.conf", "-j4", "ON=slurm", "PER_JOB=3", "-k", code=2)
+    assert "none.png" in said and "slurm.sh: places: " in said, said
+    made = {p for p in (room / "there/out").rglob("probe.exr")}
+    last.write_text(text)
+    make(cluster, f"CAPTURE={room}/there/s.conf", "-j4", "ON=slurm", "PER_JOB=3")
+    assert len(made) == 3 and np.array_equal(here, np.asarray(read_mosaic(room / "there/out/room.ilf.exr")[1]))
 
 
 def test_picture_is_the_one_that_this_machine_makes(cluster, room):
