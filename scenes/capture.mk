@@ -1,6 +1,6 @@
 # From a capture session to its light field:
 #
-#   make -C scenes CAPTURE=SESSION.conf [-j N] [QUIET=--quiet] [ANEW=1|changed]              in the source tree
+#   make -C scenes CAPTURE=SESSION.conf [-j N] [QUIET=--quiet] [ANEW=1|changed] [ON=slurm]   in the source tree
 #   make -f PREFIX/share/ilf/chain/capture.mk CAPTURE=SESSION.conf ...                       as installed
 #
 #   SESSION.conf ──stagectl capture──► PLACE/*.png, times.txt ──hdrgen──► PLACE/fisheye.exr ──fishremap──► PLACE/probe.exr
@@ -66,7 +66,7 @@ PORT    := $(call get,stage.port)
 .PHONY: light_field capture
 light_field: $(LIGHT) $(LIT)
 capture: $(FOLDER)/.captured
-include $(CHAIN)/rules.mk
+include $(CHAIN)/rules.mk $(CHAIN)/on.mk
 
 # ---- what the camera sees: built anew each time, for who knows what `before` depends on; the digests of the files that its view
 # depends on stand in a file that is touched only when they change.
@@ -106,10 +106,24 @@ $(eval $(call settings,$(FOLDER)/.hdrgen,$(HDRGEN)))
 $(eval $(call settings,$(FOLDER)/.fishremap,$(FISHREMAP)))
 $(eval $(call settings,$(FOLDER)/.ilfpack,$(ILFPACK) $(NODES) $(PLANE)))
 
-%/fisheye.exr: %/$(LIST) $(FOLDER)/.hdrgen $(call named,$(HDRGEN)) $(call made_by,hdrgen)
-	@cd $(HERE); hdrgen $(QUIET) $(HDRGEN) --times $< -o $@ $$(awk -v d=$(@D)/ '/^[^#]/ {print d $$1}' $<)
+# With ON, PER_JOB places are one job, a make on the node, for their steps are short: a merge and a remap are some seconds.  (-o: what was captured
+# is no business of its; a place that fails leaves the others made)
+PER_JOB ?= 16
+ifneq ($(and $(ON),$(filter-out 1,$(PER_JOB)),$(filter grouped-target,$(.FEATURES))),)
+define places_of_a_job
+$(1:%=%/probe.exr) &: $(1:%=%/$(LIST)) $(FOLDER)/.hdrgen $(FOLDER)/.fishremap $(call named,$(HDRGEN) $(FISHREMAP)) $(call made_by,hdrgen fishremap)
+	@$$(call on,places,$(lastword $(1))/probe.exr) $(notdir $(MAKE)) -s -k -j$$$${SLURM_CPUS_PER_TASK:-1} -o $(FOLDER)/.captured -f $(CHAIN)/capture.mk CAPTURE=$(SESSION) \
+	    BUILD=$(abspath $(BUILD)) QUIET=$(QUIET) ON= $(1:%=%/probe.exr)
+endef
+upto_job = $(if $(1),$(eval $(call places_of_a_job,$(wordlist 1,$(PER_JOB),$(1))))$(call upto_job,$(wordlist $(next),$(words $(1)),$(1))))
+next    := $(shell echo $$(($(PER_JOB) + 1)))
+$(call upto_job,$(PLACES))
+else
 %/probe.exr: %/fisheye.exr $(FOLDER)/.fishremap $(call named,$(FISHREMAP)) $(call made_by,fishremap)
-	@cd $(HERE); fishremap $(QUIET) $(FISHREMAP) -o $@ $<
+	@cd $(HERE); $(call on,remap,$@) fishremap $(QUIET) $(FISHREMAP) -o $@ $<
+endif
+%/fisheye.exr: %/$(LIST) $(FOLDER)/.hdrgen $(call named,$(HDRGEN)) $(call made_by,hdrgen)
+	@cd $(HERE); $(call on,merge,$@) hdrgen $(QUIET) $(HDRGEN) --times $< -o $@ $$(awk -v d=$(@D)/ '/^[^#]/ {print d $$1}' $<)
 $(LIGHT): $(PLACES:%=%/probe.exr) $(FOLDER)/.ilfpack $(call named,$(ILFPACK)) $(call made_by,ilfpack)
 	@cd $(HERE); ilfpack $(QUIET) $(ILFPACK) --grid $(NODES) --plane "$(PLANE)" -o $@ $(PLACES:%=%/probe.exr)
 	@$(call builds,$(@:.exr=.programs),$(CAMERA_PROGRAMS) hdrgen fishremap ilfpack)
@@ -117,7 +131,7 @@ $(LIGHT): $(PLACES:%=%/probe.exr) $(FOLDER)/.ilfpack $(call named,$(ILFPACK)) $(
 ifneq ($(LIT),)
 $(eval $(call settings,$(FOLDER)/.ilflamps,$(ILFLAMPS)))
 $(LIT): $(LIGHT) $(FOLDER)/.ilflamps $(call named,$(ILFLAMPS)) $(call made_by,ilflamps)
-	@cd $(HERE); ilflamps $(QUIET) $(ILFLAMPS) -o $@ $<
+	@cd $(HERE); $(call on,lamps,$@) ilflamps $(QUIET) $(ILFLAMPS) -o $@ $<
 	@$(call builds,$(@:.exr=.programs),ilflamps)
 	@echo "its lamps taken out: $@"
 endif

@@ -9,14 +9,15 @@
 BIN      := $(B)/bin
 DIGEST   := $(B)/digest
 DIGESTED := $(RAD_PROGRAMS) $(RAD_EXTRA) $(ILF_PROGRAMS) $(TOOL_PROGRAMS)
-include scenes/rules.mk
+include scenes/rules.mk scenes/on.mk
 
 # The environment of every step: our programs first, function files, then what the scenes bring.
 ILF_ENV = PATH="$(TOP)/$(B)/bin:$$PATH" RAYPATH=.:$(TOP)/$(B0)/lib
 # what Radiance's programs read at their start
 FUNCTIONS := $(B0)/lib/.radiance
-# what keeps the cost of a command beside its output
-TIMED     := scenes/timed.py scenes/builds.py
+# what keeps the cost of a command beside its output is TIMED
+ROWS_PY    = $(PY)
+include scenes/rows.mk
 
 # One probe for the whole scene.  Its node is the middle of a rectangle as large as the plane, so
 # that the depth correction knows where it stood.   $(eval $(call single_probe,NAME,PROBE))
@@ -114,7 +115,7 @@ $(1)_BIG := $$(shell echo $$$$(($($(1)_PIXELS) * $($(1)_RAYS))))
 
 $($(1)_OUT)/spheres.big.hdr: $($(1)_STAGE) $($(1)_OUT)/capture.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
 	@echo "  capture: $($(1)_NU) x $($(1)_NV) mirror spheres"
-	@$$(ILF_ENV):$$($(1)_PATH) $(PY) scenes/timed.py --log $($(1)_OUT)/spheres.json -o $$@ -- \
+	@$$(ILF_ENV):$$($(1)_PATH) $$(call on,render,$$@) $(PY) scenes/timed.py --log $($(1)_OUT)/spheres.json -o $$@ -- \
 	    rpict $($(1)_CAMERA_VIEW) -x $$($(1)_BIG) -y $$($(1)_BIG) -ps 1 -pj 0 $($(1)_LIGHT) $$<
 $($(1)_OUT)/spheres.hdr: $($(1)_OUT)/spheres.big.hdr $(call made_by,pfilt)
 	@$$(ILF_ENV) pfilt -1 -x /$($(1)_RAYS) -y /$($(1)_RAYS) $$< > $$@.part
@@ -123,15 +124,15 @@ $($(1)_OUT)/spheres/times.txt: $($(1)_OUT)/spheres.hdr $($(1)_OUT)/exposure.sett
 	@rm -rf $$(@D)
 	@$(PY) scenes/camera.py $($(1)_TIMES:%=--seconds %) -o $$(@D) $$<
 $($(1)_OUT)/spheres.exr: $($(1)_OUT)/spheres/times.txt $(call made_by,hdrgen)
-	@$$(ILF_ENV) hdrgen --quiet --response srgb --times $$< -o $$@ $$(<D)/e*.png
+	@$$(ILF_ENV) $$(call on,merge,$$@) hdrgen --quiet --response srgb --times $$< -o $$@ $$(<D)/e*.png
 $($(1)_OUT)/room.ilf.exr: $($(1)_OUT)/spheres.exr $($(1)_OUT)/probe.settings $(call made_by,fishremap)
 	@echo "  light field: $($(1)_NU) x $($(1)_NV) spheres"
-	@$$(ILF_ENV) fishremap --quiet --array $($(1)_NU)x$($(1)_NV) --corners $($(1)_CORNERS) $($(1)_ARRAY) --size $($(1)_PROBE) --plane "$($(1)_PLANE)" --type half \
+	@$$(ILF_ENV) $$(call on,remap,$$@) fishremap --quiet --array $($(1)_NU)x$($(1)_NV) --corners $($(1)_CORNERS) $($(1)_ARRAY) --size $($(1)_PROBE) --plane "$($(1)_PLANE)" --type half \
 	    --compression none --overlay $($(1)_OUT)/overlay.png --report $($(1)_OUT)/spheres.found.json -o $$@ $$<
 	@$$(call builds,$$(@:.exr=.programs),rpict pfilt hdrgen fishremap)
 $($(1)_OUT)/overlay.png: $($(1)_OUT)/room.ilf.exr ;
 $($(1)_OUT)/room.lamps.ilf.exr: $($(1)_OUT)/room.ilf.exr $($(1)_OUT)/walls.oct $(call made_by,ilflamps)
-	@$$(ILF_ENV) ilflamps --quiet --geometry $($(1)_OUT)/walls.oct --report $($(1)_OUT)/lamps.json --picture $($(1)_OUT)/lamps.png -o $$@ $$<
+	@$$(ILF_ENV) $$(call on,lamps,$$@) ilflamps --quiet --geometry $($(1)_OUT)/walls.oct --report $($(1)_OUT)/lamps.json --picture $($(1)_OUT)/lamps.png -o $$@ $$<
 	@$$(call builds,$$(@:.exr=.programs),ilflamps)
 $($(1)_OUT)/single.probe.exr: $($(1)_OUT)/room.ilf.exr scenes/oneprobe.py | $(VENV)/.ilf
 	@$(PY) scenes/oneprobe.py --node $($(1)_SINGLE) -o $$@ $$<

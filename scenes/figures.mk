@@ -84,7 +84,7 @@ $(FALLOFF)/%.png: $(FALLOFF)/capture.settings scenes/demo/lens_falloff.txt $(cal
 	@mkdir -p $(@D)
 	@{ printf 'void glow lamp 0 0 4 .8 .8 .8 0\n'; echo 'lamp $(FALLOFF_SOURCE)' | $(ILF_ENV) xform -ry $*; } \
 	    | $(ILF_ENV) oconv -f - > $(FALLOFF)/$*.oct
-	@$(ILF_ENV) virtualcamera --quiet --octree $(FALLOFF)/$*.oct --plane "-.5 -.5 0  1 0 0  0 1 0" --grid 1x1 --node 0,0 --seconds 1 \
+	@$(ILF_ENV) $(call on,view,$@) virtualcamera --quiet --octree $(FALLOFF)/$*.oct --plane "-.5 -.5 0  1 0 0  0 1 0" --grid 1x1 --node 0,0 --seconds 1 \
 	    $(FALLOFF_CAMERA) --falloff scenes/demo/lens_falloff.txt --render-options "-ab 0" -o $@
 $(FALLOFF)/measured.txt: $(FALLOFF_ANGLES:%=$(FALLOFF)/%.png) $(call made_by,falloffcal)
 	@$(ILF_ENV) falloffcal --quiet $(LENS_185) -o $@ $(foreach a,$(FALLOFF_ANGLES),$(FALLOFF)/$(a).png@$(a))

@@ -50,7 +50,7 @@ HERE   := $(patsubst %/,%,$(dir $(POSITIONS)))
 FIELD  ?= $(HERE)/field
 DIGEST := $(if $(INSTALLED),$(FIELD)/.digest,$(abspath $(BUILD))/digest)
 LIGHT  := $(FIELD)/room.ilf.exr
-include $(CHAIN)/rules.mk
+include $(CHAIN)/rules.mk $(CHAIN)/on.mk
 
 # ---- what the list says ------------------------------------------------------------------------------------------
 HASH := \#
@@ -135,9 +135,9 @@ $(RESPONSE): $(FIELD)/$(LEADER).merged.exr
 endif
 
 $(IDS:%=$(FIELD)/%.merged.exr): %.merged.exr:
-	@cd $(HERE); hdrgen $(QUIET) $(QUICKLY) $(HDRGEN) $(TAKES) $(if $(TIMES),--times $(TIMES)) -o $@ $(if $(TIMES),$$(awk -v d=$(dir $(TIMES)) '/^[^#]/ {print d $$1}' $(TIMES)),$(PICTURES))
+	@cd $(HERE); $(call on,merge,$@) hdrgen $(QUIET) $(QUICKLY) $(HDRGEN) $(TAKES) $(if $(TIMES),--times $(TIMES)) -o $@ $(if $(TIMES),$$(awk -v d=$(dir $(TIMES)) '/^[^#]/ {print d $$1}' $(TIMES)),$(PICTURES))
 $(IDS:%=$(FIELD)/%.exr): %.exr:
-	@cd $(HERE); fishremap $(QUIET) $(FISHREMAP) $(if $(MASK),--mask $(MASK)) -o $@ $(SOURCE)
+	@cd $(HERE); $(call on,remap,$@) fishremap $(QUIET) $(FISHREMAP) $(if $(MASK),--mask $(MASK)) -o $@ $(SOURCE)
 
 # the list with the panoramas' names, line by line as it was
 $(FIELD)/positions.txt: $(POSITIONS)
@@ -148,6 +148,6 @@ $(FIELD)/positions.txt: $(POSITIONS)
 	    (*) printf '%s\n' "$$line" | sed "s|^[ \t]*[^ \t,;]*|$$1.exr|"; shift;; esac; \
 	done < $< > $@
 $(LIGHT): $(IDS:%=$(FIELD)/%.exr) $(FIELD)/positions.txt $(FIELD)/.ilfpack $(call named,$(ILFPACK)) $(call made_by,ilfpack)
-	@cd $(HERE); ilfpack $(QUIET) $(ILFPACK) --positions $(FIELD)/positions.txt -o $@ $(IDS:%=$(FIELD)/%.exr)
+	@cd $(HERE); $(call on,lamps,$@) ilfpack $(QUIET) $(ILFPACK) --positions $(FIELD)/positions.txt -o $@ $(IDS:%=$(FIELD)/%.exr)
 	@$(call builds,$(@:.exr=.programs),hdrgen fishremap ilfpack)
 	@echo "light field: $@"

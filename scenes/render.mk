@@ -40,7 +40,7 @@ lamps_in = $$($(ILF_ENV) ilfinfo --header $(1) | awk '$$1 == "lamps" {n = $$2 + 
 define light_field_pictures
 $(1)_RUN  = $$(ILF_ENV):$$($(1)_PATH)
 $(1)_PICT := -vf $($(1)_VIEW) $($(1)_RES) $(PICT_RAYS)
-$$(eval $$(call settings,$($(1)_OUT)/render.settings,$$($(1)_PICT) $($(1)_LIGHT_photo); $($(1)_LIGHT_with)))
+$$(eval $$(call settings,$($(1)_OUT)/render.settings,$$($(1)_PICT) $($(1)_LIGHT_photo); $($(1)_LIGHT_with); $(ROWS) parts))
 $(1)_RENDER_photo       := $($(1)_LIGHT_photo)
 $(1)_RENDER_mask        := -ab 0
 $(1)_RENDER_with_room   := $($(1)_LIGHT_with)
@@ -72,9 +72,9 @@ $($(1)_OUT)/mask.oct: scenes/demo/mask_materials.rad $($(1)_TABLE) $($(1)_OBJECT
 	   $$($(1)_RUN) xform -m mask_objects $($(1)_OBJECTS); } | $$($(1)_RUN) oconv -f - > $$@.part
 	@mv $$@.part $$@
 
-$($(1)_OUT)/%.big.hdr: $($(1)_OUT)/%.oct $($(1)_VIEW) $($(1)_OUT)/render.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
-	@echo "  render: $(1) $$* $$($(1)_RENDER_$$*)"
-	@$$($(1)_RUN) $(PY) scenes/timed.py --log $($(1)_OUT)/$$*.json -o $$@ -- rpict $$($(1)_PICT) $$($(1)_RENDER_$$*) $$<
+$(1)_OPTIONS = $$($(1)_PICT) $$($(1)_RENDER_$$*)
+$(1)_SAYS    = echo "  render: $(1) $$* $$($(1)_RENDER_$$*)"
+$$(call in_rows,$(1),$($(1)_OUT)/%.big.hdr,$($(1)_OUT)/%.rows,$($(1)_OUT)/%.oct,$($(1)_VIEW) $($(1)_OUT)/render.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS))
 $($(1)_OUT)/%.hdr: $($(1)_OUT)/%.big.hdr $(call made_by,pfilt)
 	@$$(ILF_ENV) $(HALVE) $$< > $$@.part
 	@mv $$@.part $$@

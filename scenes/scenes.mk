@@ -87,20 +87,20 @@ no-office:
 $(OUT_OFFICE)/fisheye.exr: $(OFFICE_IMAGES) $(call made_by,hdrgen)
 	@mkdir -p $(@D)
 	@echo "  office: merging $(words $(OFFICE_IMAGES)) photographs"
-	@$(ILF_ENV) hdrgen --quiet --response $(OFFICE_RESPONSE) -o $@ $(OFFICE_IMAGES)
+	@$(ILF_ENV) $(call on,merge,$@) hdrgen --quiet --response $(OFFICE_RESPONSE) -o $@ $(OFFICE_IMAGES)
 $(OUT_OFFICE)/probe.exr: $(OUT_OFFICE)/fisheye.exr $(call made_by,fishremap)
-	@$(ILF_ENV) fishremap --quiet $(OFFICE_LENS) $(OFFICE_CIRCLE) --size 720x180 --polar-max 90 \
+	@$(ILF_ENV) $(call on,remap,$@) fishremap --quiet $(OFFICE_LENS) $(OFFICE_CIRCLE) --size 720x180 --polar-max 90 \
 	    $(OFFICE_FALLOFF) -o $@ $<
 $(OUT_OFFICE)/office.ilf.exr: $(OUT_OFFICE)/probe.exr $(call made_by,ilfpack)
 	@$(ILF_ENV) ilfpack --quiet --grid 1x1 --plane "-.5 0 -.5  1 0 0  0 0 1" --type float -o $@ $<
 $(OUT_OFFICE)/office.oct: $(OUT_OFFICE)/office.ilf.exr $(SCENES)/office.rad $(MODELS)/statue.rtm $(call made_by,oconv xform) | $(FUNCTIONS)
 	@$(OFFICE_RUN) oconv -f $(SCENES)/office.rad > $@.part
 	@mv $@.part $@
-$(eval $(call settings,$(OUT_OFFICE)/render.settings,$(DEMO_RES) $(PICT_ILF) -ad $(OFFICE_AD)))
-$(OUT_OFFICE)/office.big.hdr: $(OUT_OFFICE)/office.oct $(SCENES)/office.vf $(OUT_OFFICE)/render.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS)
-	@echo "  render: office $(PICT_ILF) -ad $(OFFICE_AD)"
-	@$(OFFICE_RUN) $(PY) scenes/timed.py --log $(OUT_OFFICE)/office.json -o $@ -- \
-	    rpict -vf $(SCENES)/office.vf $(DEMO_RES) $(PICT_RAYS) $(PICT_ILF) -ad $(OFFICE_AD) $<
+office_RUN     = $(OFFICE_RUN)
+office_OPTIONS = -vf $(SCENES)/office.vf $(DEMO_RES) $(PICT_RAYS) $(PICT_ILF) -ad $(OFFICE_AD)
+office_SAYS    = echo "  render: office $(PICT_ILF) -ad $(OFFICE_AD)"
+$(eval $(call settings,$(OUT_OFFICE)/render.settings,$(DEMO_RES) $(PICT_ILF) -ad $(OFFICE_AD); $(ROWS) parts))
+$(call in_rows,office,$(OUT_OFFICE)/office.big.hdr,$(OUT_OFFICE)/office.rows,$(OUT_OFFICE)/office.oct,$(SCENES)/office.vf $(OUT_OFFICE)/render.settings $(TIMED) $(call made_by,rpict) | $(VENV)/.packages $(FUNCTIONS))
 $(OUT_OFFICE)/office.hdr: $(OUT_OFFICE)/office.big.hdr $(call made_by,pfilt)
 	@$(ILF_ENV) $(HALVE) $< > $@.part
 	@mv $@.part $@

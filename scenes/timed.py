@@ -12,11 +12,31 @@ import json
 import os
 import resource
 import shlex
+import signal
 import subprocess
 import sys
 import time
 
 import builds
+
+
+ENDED = []
+
+
+def carry_out(command, out):
+    """Its exit status; or the signal that make or Slurm ends a step by, which is passed on to it (ENDED)."""
+    child = None
+
+    def end(number, _frame):
+        ENDED.append(number)
+        if child:
+            child.terminate()
+    signal.signal(signal.SIGTERM, end)
+    child = subprocess.Popen(command, stdout=out)
+    if ENDED:           # while it was being started
+        child.terminate()
+    status = child.wait()
+    return ENDED[0] if ENDED else status
 
 
 def main():
@@ -30,7 +50,9 @@ def main():
     start = time.monotonic()
     try:
         with open(tmp, "wb") as out:
-            status = subprocess.run(a.command, stdout=out).returncode
+            status = carry_out(a.command, out)
+        if status in ENDED:
+            return 128 + status
         if status:
             print(f"timed.py: {a.command[0]}: expected exit status 0, found {status}", file=sys.stderr)
             return 1

@@ -15,7 +15,7 @@ ifneq ($(VIEWS),)
 AMBIENT     := $(patsubst /%,%,$(call word_after,-af,2))
 upto         = $(shell seq 0 $$(($(1) - 1)))
 VIEWS_DONE  := $(foreach j,$(call upto,$(lastword $(subst x, ,$(NODES)))),$(foreach i,$(call upto,$(firstword $(subst x, ,$(NODES)))),$(VIEWS)/$(i)_$(j)/done))
-see          = @sh $(CHAIN)/view.sh $(SESSION)
+see          = @$(call on,view,$(1)) sh $(CHAIN)/view.sh $(SESSION)
 
 $(eval $(call settings,$(FOLDER)/.views,$(COMMAND); $(PLANE) $(call get,camera.lens) $(call get,camera.fov)))
 VIEWS_FROM  := $(FOLDER)/.seen $(FOLDER)/.views $(CHAIN)/view.sh
@@ -24,11 +24,11 @@ ifneq ($(AMBIENT),)
 $(VIEWS)/$(AMBIENT): $(VIEWS_FROM)
 	@echo "  capture: indirect light of the room"
 	@rm -rf $(VIEWS)/overture; mkdir -p $(VIEWS)/overture
-	$(see) 3x3 1_1 overture --size 160 --supersample 1 --refine 16
-	$(see) 3x3 0_0 overture --size 160 --supersample 1 --refine 16
-	$(see) 3x3 2_2 overture --size 160 --supersample 1 --refine 16
-	$(see) 3x3 0_2 overture --size 160 --supersample 1 --refine 16
-	$(see) 3x3 2_0 overture --size 160 --supersample 1 --refine 16
+	$(call see,$(VIEWS)/overture/$(AMBIENT)) 3x3 1_1 overture --size 160 --supersample 1 --refine 16
+	$(call see,$(VIEWS)/overture/$(AMBIENT)) 3x3 0_0 overture --size 160 --supersample 1 --refine 16
+	$(call see,$(VIEWS)/overture/$(AMBIENT)) 3x3 2_2 overture --size 160 --supersample 1 --refine 16
+	$(call see,$(VIEWS)/overture/$(AMBIENT)) 3x3 0_2 overture --size 160 --supersample 1 --refine 16
+	$(call see,$(VIEWS)/overture/$(AMBIENT)) 3x3 2_0 overture --size 160 --supersample 1 --refine 16
 	@mv $(VIEWS)/overture/$(AMBIENT) $@; rm -rf $(VIEWS)/overture
 endif
 
@@ -37,6 +37,6 @@ endif
 $(VIEWS_DONE): $(VIEWS)/%/done: $(VIEWS_FROM) $(if $(AMBIENT),$(VIEWS)/$(AMBIENT))
 	@echo "  capture: view from node $*"
 	@rm -rf $(@D); mkdir -p $(@D); $(if $(AMBIENT),cp $(VIEWS)/$(AMBIENT) $(@D)/$(AMBIENT))
-	$(see) $(NODES) $* $*
+	$(call see,$(@D)) $(NODES) $* $*
 	@$(if $(AMBIENT),rm -f $(@D)/$(AMBIENT) $(@D)/$(AMBIENT).scene;) touch $@
 endif

@@ -2,6 +2,7 @@
 import csv
 import json
 import os
+import subprocess
 import sys
 
 import numpy as np
@@ -15,7 +16,7 @@ sys.path.insert(0, SCENES)
 
 import compare  # noqa: E402
 import pictures  # noqa: E402
-from process import execute
+from process import Process, execute
 
 
 def write_hdr(path, rgb, runs=False, header=""):
@@ -187,6 +188,12 @@ def test_timed_keeps_cost_and_whole_outputs(tmp_path):
     failed = execute([*timed, sys.executable, "-c", "print(1); raise SystemExit(3)"], capture_output=True, text=True)
     assert failed.returncode == 1 and "exit status 0, found 3" in failed.stderr
     assert not out.exists() and sorted(os.listdir(tmp_path)) == ["log.json"]
+    # ended from outside: its command is ended, and nothing is left
+    p = Process([*timed, "sh", "-c", "echo $$ >&2; exec sleep 100"], stderr=subprocess.PIPE, text=True)
+    child = int(p.stderr.readline())
+    p.terminate()
+    assert p.wait() == 143 and not os.path.exists(f"/proc/{child}") and sorted(os.listdir(tmp_path)) == ["log.json"]
+    p.stderr.close()
 
 
 def test_statue_is_a_closed_mesh_that_faces_outward(tmp_path):
