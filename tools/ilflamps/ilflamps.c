@@ -21,7 +21,7 @@ enum { MOST_LAMPS = 64, MOST_EDITS = 256, MAX_WIDTH = 15 };
 
 static const char *report, *rays, *radiance, *lamps, *geometry, *composed, *picture, *target, *exported,
     *edits[MOST_EDITS];
-static storage stored = {.compression = "none"};
+static storage stored;
 static int n_edits, grid_u, grid_v, dry_run;
 #define NOT_GIVEN (-1e9)
 #define DEGREE    57.29577951308232 /* in a radian */
@@ -41,6 +41,12 @@ static int grid(const char *value, void *arg, errmsg *e)
     return cli_parse_size(&grid_u, &grid_v, value, e);
 }
 
+static int tolerance(const char *value, void *arg, errmsg *e)
+{
+    (void)arg;
+    return cli_parse_share(&stored.tolerance, .5, value, e);
+}
+
 static const cli_opt options[] = {
     {"output", 'o', CLI_STRING, &target, NULL, "OUT.ilf.exr",
      "write the light field, version 2: lamps, what hides them, and what is left in the probes"},
@@ -48,7 +54,11 @@ static const cli_opt options[] = {
      "texels of OUT (default half where it holds them all, else float)"},
     {"compression", 'c', CLI_STRING, &stored.compression, NULL, "NAME",
      "of OUT's probes: none rle zips zip piz pxr24 b44 b44a (default none: renderers then share\nthe file's "
-     "own bytes)"},
+     "own bytes; with --tolerance: zip)"},
+    {"tolerance", 0, CLI_CALL, NULL, tolerance, "SHARE",
+     "round OUT's texels so that none is off by more than this (1% or .01): much smaller when compressed; "
+     "what it "
+     "does to irradiance is said"},
     {"interleave", 0, CLI_FLAG, &stored.interleave, NULL, NULL,
      "OUT holds the texels a second time, in the order that lookups like best"},
     {"compose", 0, CLI_STRING, &composed, NULL, "OUT.ilf.exr",
@@ -106,8 +116,9 @@ static void check_usage(int operands)
     if (!target && !report && !rays && !composed && !picture && !exported)
         cli_fail(CLI_USAGE,
                  "nothing to write: expected -o, --compose, --report, --picture, --export-rad or --radiance");
-    if (!target && (stored.type || stored.interleave || strcmp(stored.compression, "none") != 0))
-        cli_fail(CLI_USAGE, "--type, --compression and --interleave are OUT's: expected -o, too");
+    if (!target && (stored.type || stored.interleave || stored.compression || stored.tolerance > 0))
+        cli_fail(CLI_USAGE,
+                 "--type, --compression, --interleave and --tolerance are OUT's: expected -o, too");
 }
 
 /* What can be wrong before anything is read. */

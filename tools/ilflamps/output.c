@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "base/outfile.h"
+#include "rounding.h"
 #include "taken.h"
 
 static const float MOST_HALF = 65504.f;
@@ -22,13 +23,18 @@ static int fits_half(const lightfield *f)
     return 1;
 }
 
+static const char *compression_of(const storage *s)
+{
+    return s->compression ? s->compression : rounding_compression(s->tolerance, s->interleave);
+}
+
 static ilf_spec spec_of(const storage *s, const lightfield *f)
 {
     ilf_spec spec = lf_spec(f);
 
     spec.type = s->type ? (strcmp(s->type, "half") == 0 ? ILF_HALF : ILF_FLOAT)
                         : (fits_half(f) ? ILF_HALF : ILF_FLOAT);
-    spec.compression = s->compression, spec.interleave = s->interleave;
+    spec.compression = compression_of(s), spec.interleave = s->interleave, spec.tolerance = s->tolerance;
     return spec;
 }
 
@@ -42,7 +48,7 @@ int storage_check(const storage *s, errmsg *e)
                            .U = {1, 0, 0},
                            .V = {0, 1, 0},
                            .polar_max = 1,
-                           .compression = s->compression,
+                           .compression = compression_of(s),
                            .interleave = s->interleave,
                            .name = "-o"};
     ilf_error err;
@@ -78,6 +84,7 @@ int output_write(const char *path, const char *input, const analysis *a, const s
                  int *lamps, errmsg *e)
 {
     ilf_spec spec = spec_of(s, &a->f);
+    ilf_loss loss = {0};
     ilf_luminaire *l = taken_lamps(lamps, a);
     ilf_error err;
     ilf_notes notes;
@@ -92,7 +99,9 @@ int output_write(const char *path, const char *input, const analysis *a, const s
         spec.owner = notes.owner, spec.cap_date = notes.cap_date;
         spec.white_luminance = notes.white_luminance;
         spec.comments = comments, spec.lamps = l, spec.n_lamps = *lamps, spec.name = path;
+        spec.loss = &loss;
         bad = write_file(path, a, &spec, e);
+        if (!bad && spec.tolerance > 0) rounding_say(&loss, path, *lamps > 0);
     }
     free(comments);
     ilf_close(file);
