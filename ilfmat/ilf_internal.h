@@ -174,7 +174,15 @@ static inline ilf_status ilf_need_probe(const ilf *f, int64_t k, ilf_error *err)
     return ilf_load_probe(f, k, err);
 }
 
-/* One probe's texels for a single look: in place or decoded into *own (to be freed). */
+/* Decode the probes of a field that all are to be looked at, by as many threads as there are processors, where that is worth
+ * it and all may be kept (ilf_ahead.c).  What fails is left for the look. */
+void ilf_read_ahead(const ilf *field);
+
+/* Processors that this process may use (ilf_many.c). */
+int ilf_processors(void);
+
+/* One probe's texels for a single look: in place, or decoded as for lookups, or, where their memory is bounded, into *own; both
+ * to be given to ilf_unpeek_probe. */
 ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix, void **own, ilf_error *err);
 void ilf_unpeek_probe(const ilf *field, const unsigned char *pix, void *own);
 

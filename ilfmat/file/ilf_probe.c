@@ -247,7 +247,7 @@ ilf_status ilf_load_probe(const ilf *field, int64_t k, ilf_error *err)
     return st;
 }
 
-/* A copy of texels that may be given back once the lock is: NULL without memory. */
+/* A copy of texels, which may be given back once the lock is; NULL without memory. */
 static unsigned char *copied(const unsigned char *pix, const ilf *f)
 {
     unsigned char *copy = malloc(TEXEL_HEAD + f->probe_bytes);
@@ -259,18 +259,26 @@ static unsigned char *copied(const unsigned char *pix, const ilf *f)
 ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix, void **own, ilf_error *err)
 {
     ilf *f = (ilf *)(uintptr_t)field;
-    unsigned char *copy = NULL;
+    const probe_memory *m = &f->memory;
+    ilf_status st = ILF_OK;
 
     *own = NULL;
     pthread_mutex_lock(&f->lock);
     *pix = atomic_load_explicit(&f->pix[k], memory_order_relaxed);
-    if (*pix && f->memory.most && f->probes[k].decoded && (copy = copied(*pix, f)) != NULL)
-        *own = copy, *pix = copy + TEXEL_HEAD;
-    const int there = *pix && (copy || !f->memory.most || !f->probes[k].decoded);
+    /* what is decoded once need not be twice, if there is room for it */
+    const int stays = !f->in_place && (!m->most || m->n < m->most);
+    if (!*pix && stays && (st = need_locked(f, k, err)) == ILF_OK)
+        *pix = atomic_load_explicit(&f->pix[k], memory_order_relaxed);
+    if (*pix && m->most && f->probes[k].decoded) {
+        unsigned char *copy = copied(*pix, f);
+        *own = copy;
+        *pix = copy ? copy + TEXEL_HEAD : NULL;
+    }
     pthread_mutex_unlock(&f->lock);
-    if (there) return ILF_OK;
-    const ilf_status st = get_tile(f, k, pix, own, err);
-    if (st != ILF_OK) free(*own);
+    if (st == ILF_OK && !*pix) {
+        st = get_tile(f, k, pix, own, err);
+        if (st != ILF_OK) free(*own);
+    }
     return st;
 }
 

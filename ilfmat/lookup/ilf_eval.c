@@ -202,9 +202,11 @@ ilf_status ilf_eval_plain(float rgb[3], const ilf *f, const ilf_frame *fr, const
         cl.w[k] = w[k];
         if (w[k] <= 0) continue; /* also keeps i < n_u, j < n_v */
         cl.m[k] = (int64_t)(j0 + (k >> 1)) * n_u + i0 + (k & 1);
-        const ilf_status st = ilf_need_probe(f, cl.m[k], err);
-        if (st != ILF_OK) return st;
-        cl.pix[k] = atomic_load_explicit(&f->pix[cl.m[k]], memory_order_relaxed);
+        do { /* another thread may have had its memory given back */
+            const ilf_status st = ilf_need_probe(f, cl.m[k], err);
+            if (st != ILF_OK) return st;
+            cl.pix[k] = atomic_load_explicit(&f->pix[cl.m[k]], memory_order_acquire);
+        } while (!cl.pix[k]);
         if (corrected) at = find_place(f, towards_hit(f, &cl, k));
         add_probe(sum, f, &cl, k, &at);
     }
