@@ -4,12 +4,14 @@
 #ifndef OUTPUT_H
 #define OUTPUT_H
 
-#include "analysis.h"
+#include "fewer.h"
 
 typedef struct storage {
     const char *type;        /* half, float; NULL: half where it holds all texels */
     const char *compression; /* as ilfpack's; NULL: zip where texels are rounded, else none */
     int interleave;
+    int fewer; /* fewer probes, as the plan says */
+    fewplan few;
     double tolerance; /* texels are rounded within it; 0: they are not */
 } storage;
 
