@@ -20,7 +20,15 @@
 #include "base/outfile.h"
 #include "vec.h"
 
-enum { MOST_PLACES = 36, HEIGHTS = 3, SIDES = 5, ROWS = 40, COLUMNS = 160, RAYS = ROWS * COLUMNS, LAMP_RAYS = 64 };
+enum {
+    MOST_PLACES = 36,
+    HEIGHTS = 3,
+    SIDES = 5,
+    ROWS = 40,
+    COLUMNS = 160,
+    RAYS = ROWS * COLUMNS,
+    LAMP_RAYS = 64
+};
 static const double height[HEIGHTS] = {0, .1, .3}; /* of the longer edge */
 static const double facing[SIDES][3] = {{0, 0, 1}, {1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}};
 static const double pi = 3.14159265358979323846;
