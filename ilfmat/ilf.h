@@ -128,11 +128,16 @@ const ilf_luminaire *ilf_get_luminaires(int *n, const ilf *field);
  * edges are not in the header's proportion: lamps can be moved, turned, mirrored and scaled evenly. */
 ilf_status ilf_check_frame(const ilf *field, const ilf_frame *frame, ilf_error *err);
 
+/* Bound the memory of probes that have to be decoded (those of compressed files): beyond `bytes` the one that was decoded
+ * longest ago is given back, and decoded again when it is needed again.  At least 16 are kept, however large, and those that ilf_view_probe
+ * was asked for.  0: all that were needed are kept, as without this call.  Before the field's first lookup, or ILF_ERR_ARG. */
+ilf_status ilf_set_memory(ilf *field, int64_t bytes, ilf_error *err);
+
 /* What has been used so far.  Probes come in when a lookup first needs them. */
 typedef struct ilf_usage {
     int64_t probes;        /* touched */
     int64_t mapped_bytes;  /* of them, used in place in the file: shared between processes */
-    int64_t decoded_bytes; /* of them, decompressed into this process's memory */
+    int64_t decoded_bytes; /* of them, decompressed and kept in this process's memory */
 } ilf_usage;
 
 /* Fill usage with what this process has used of field; any thread, at any time. */
@@ -417,6 +422,15 @@ ilf_status ilf_eval_part(float rgb[3], const ilf_patches *patches, ilf_part part
 /* ---- writing ------------------------------------------------------------------------------ */
 
 /* A file to be written (docs/FORMAT.md, section 1); angles in radians. */
+/* What rounding (ilf_spec's tolerance) did to the light: relative changes of irradiance at the nodes, luminance that falls
+ * on the plane from what the probes hold up to 90 degrees of the normal. */
+typedef struct ilf_loss {
+    double worst, rms;    /* over the nodes; worst: the largest, of either sign */
+    double mean;          /* of all nodes' light together: up (above 0) or down */
+    double texel;         /* the largest of a single number that is no subnormal one of the type */
+    int worst_i, worst_j; /* the node of worst */
+} ilf_loss;
+
 typedef struct ilf_spec {
     int n_u, n_v, n_theta, n_phi; /* all >= 1 */
     double origin[3], U[3], V[3]; /* of the sampled rectangle, scene's unit */
@@ -437,7 +451,17 @@ typedef struct ilf_spec {
      * are rounded to floats; masks' pictures to halves if the texels are and no sample is beyond them. */
     const ilf_luminaire *lamps;
     int n_lamps;
+    /* 0: texels as they are given; above 0, to .5: rounded so that none is off by more than this share of itself
+     * (ilf_round).  Lamps and their masks are not. */
+    double tolerance;
+    ilf_loss *loss; /* or NULL; filled by ilf_writer_close */
 } ilf_spec;
+
+/* Round n numbers, which then compress better, so that none is off by more than tolerance (above 0) of itself:
+ * to the nearest number with as few bits as that allows, ties to even, so that they go up as often as down.
+ * As numbers of the type: where its own steps are coarser (a half below 6e-5) its rounding alone counts.  Zero,
+ * NaN, infinity, and what would become infinite, stay what they are. */
+void ilf_round(float *values, size_t n, ilf_type type, double tolerance);
 
 typedef struct ilf_writer ilf_writer; /* a file that is being written */
 

@@ -33,9 +33,12 @@
  * The TEXEL_HEAD bytes before pix may be read. */
 enum { TEXEL_HEAD = 16 };
 typedef struct probe {
-    void *decoded;    /* owned memory, or NULL when pix points into the file */
-    float pole[2][3]; /* means of the first and the last row: the values at the poles */
-    int checked;      /* its texels in the file, once; under lock */
+    void *decoded;      /* owned memory, or NULL when pix points into the file */
+    float pole[2][3];   /* means of the first and the last row: the values at the poles */
+    atomic_int checked; /* its texels in the file, once */
+    int loading;        /* a thread reads it; under lock */
+    int known;          /* it was read before: pole is set, for good; under lock */
+    int pinned;         /* somebody looks at its memory until the field is closed; under lock */
 } probe;
 
 /* A lookup of usual rays: ilf_eval with from = hit, or origin.  An ilf_status, or ILF_UNUSUAL: nothing done.
@@ -43,6 +46,16 @@ typedef struct probe {
 enum { ILF_UNUSUAL = -1 };
 typedef int ilf_fast_fn(float rgb[3], const ilf *field, const ilf_frame *frame, const double from[3],
                         const double dir[3], ilf_error *err);
+
+/* Memory of decoded probes (ilf_memory.c).  Under lock, but for the atomic ones. */
+typedef struct probe_memory {
+    int64_t most; /* probes that may be kept; 0: all */
+    int64_t n;    /* that have memory */
+    int64_t
+        *order; /* those that can be given back, the oldest first: a ring of as many as there are probes */
+    int64_t first, count;
+    atomic_uint given_back; /* counts up before a probe's memory is used for another */
+} probe_memory;
 
 struct ilf {
     ilf_info info;
@@ -74,12 +87,14 @@ struct ilf {
     int second_part;                   /* number of the part that holds the texels interleaved; 0: none */
     probe *probes;                     /* n_u*n_v, i fastest */
     const unsigned char *_Atomic *pix; /* of each probe, NULL until it is read */
-    pthread_mutex_t lock;              /* held while a probe is read */
-    ilf_usage usage;                   /* under lock */
-    ilf_luminaire *lamps;              /* n_lamps, that were taken out of the texels; NULL: none were */
+    pthread_mutex_t lock;              /* of what follows, and of probes; not held while one is read */
+    pthread_cond_t loaded;             /* a probe was read, or could not be */
+    pthread_mutex_t dwa_lock; /* held while a DWA tile is decoded: its library has one place for words */
+    probe_memory memory;
+    ilf_usage usage;      /* under lock */
+    ilf_luminaire *lamps; /* n_lamps, that were taken out of the texels; NULL: none were */
     int n_lamps;
     double (*lamp_balls)[4]; /* of each lamp: centre, square of the radius of a ball that holds it */
-    ilf_error exr_words;     /* OpenEXR's own words, under lock */
     ilf_error fault;         /* what ilf_fault says */
 };
 
@@ -92,6 +107,16 @@ ilf_status ilf_check_polar(double polar_max, double polar_valid, const char *pat
 ilf_status ilf_check_plane(ilf_frame *frame, const double origin[3], const double U[3], const double V[3],
                            const char *path, ilf_error *err);
 int ilf_is_full_sphere(double polar_max);
+
+/* OpenEXR's own words in this thread's call; a call that may bring some empties it before. */
+ilf_error *ilf_exr_words(void);
+
+/* Memory for a probe that is decoded (ilf_memory.c), where their number is bounded: that of the oldest, or NULL: the caller takes some.  Then
+ * say that probe k has it, or that none was needed after all.  All under lock. */
+unsigned char *ilf_memory_take(ilf *field);
+void ilf_memory_keep(ilf *field, int64_t k);
+void ilf_memory_none(ilf *field);
+void ilf_memory_free(ilf *field);
 
 /* Decode tile (i, j) of a DWA-compressed file to halves in our layout (ilf_dwa.c). */
 ilf_status ilf_decode_dwa(const ilf *field, int i, int j, unsigned char *pix, ilf_error *err);
@@ -149,7 +174,15 @@ static inline ilf_status ilf_need_probe(const ilf *f, int64_t k, ilf_error *err)
     return ilf_load_probe(f, k, err);
 }
 
-/* One probe's texels for a single look: in place or decoded into *own (to be freed). */
+/* Decode the probes of a field that all are to be looked at, by as many threads as there are processors, where that is worth
+ * it and all may be kept (ilf_ahead.c).  What fails is left for the look. */
+void ilf_read_ahead(const ilf *field);
+
+/* Processors that this process may use (ilf_many.c). */
+int ilf_processors(void);
+
+/* One probe's texels for a single look: in place, or decoded as for lookups, or, where their memory is bounded, into *own; both
+ * to be given to ilf_unpeek_probe. */
 ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix, void **own, ilf_error *err);
 void ilf_unpeek_probe(const ilf *field, const unsigned char *pix, void *own);
 

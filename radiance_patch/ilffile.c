@@ -7,6 +7,7 @@
 #include "copyright.h"
 
 #include  <signal.h>
+#include  <stdlib.h>
 #include  <time.h>
 #include  <unistd.h>
 
@@ -121,6 +122,30 @@ catchfault(void)		/* see to signals from mapped files */
 }
 
 
+static void
+boundmemory(			/* do as ILF_MEMORY says, if it is set */
+	OBJREC  *m,
+	ilf  *field
+)
+{
+	char  *megabytes = getenv("ILF_MEMORY"), *rest;
+	ilf_error  err;
+	double  x;
+
+	if (megabytes == NULL)
+		return;
+	x = strtod(megabytes, &rest);
+	if (rest == megabytes || *rest || !(x > 0) || x > 1e12) {
+		sprintf(errmsg,
+		"ILF_MEMORY: expected megabytes above 0, found \"%.64s\"",
+				megabytes);
+		objerror(m, USER, errmsg);
+	}
+	if (ilf_set_memory(field, (int64_t)(x*1e6), &err) != ILF_OK)
+		ilferror(m, &err);
+}
+
+
 ILFFILE *
 ilfopen(			/* get light field file for material */
 	OBJREC  *m
@@ -145,6 +170,7 @@ ilfopen(			/* get light field file for material */
 		error(SYSTEM, "out of memory in ilfopen");
 	if (ilf_open(&fp->field, path, &err) != ILF_OK)
 		ilferror(m, &err);
+	boundmemory(m, fp->field);
 	if (!ilflist.caught++) {
 		atexit(ilfcheck);
 		catchfault();

@@ -30,8 +30,8 @@ def measure(argv):
 
 
 def commands():
-    from . import fields, probes
-    table = {"measure": measure, "probes": probes.main, "coarser": fields.main}
+    from . import fields, probes, sweep_shrink
+    table = {"measure": measure, "probes": probes.main, "coarser": fields.main, "shrunk": sweep_shrink.measure, "dwaa": sweep_shrink.dwaa}
     from . import sections
     table.update(sections.COMMANDS)
     return table

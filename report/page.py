@@ -12,7 +12,8 @@ import os
 from . import run
 
 TITLES = {"figures": "The paper's figures", "time": "Error against run time", "size": "Size of the light field", "storage": "Storage forms",
-          "budget": "Error budget of the chain", "depth": "Depth correction", "grid": "Spatial resolution", "lamps": "Lamps taken out"}
+          "budget": "Error budget of the chain", "depth": "Depth correction", "grid": "Spatial resolution", "lamps": "Lamps taken out",
+          "shrink": "Light fields that shrink"}
 INTRO = {
     "figures": "The photograph is the room itself with the objects in it, its lamps as light sources. Beside it the same objects in the captured light field, and in a "
                "single probe. The error maps show picture minus photograph: blue too dark, red too bright, full colour at the photograph's mean.",
@@ -28,6 +29,9 @@ INTRO = {
     "grid": "The light through a branch varies quickly over the plane: probes by rays, without camera, at grids from coarse to the paper's own.",
     "lamps": "Perfect captures, without a camera, of rooms whose light is known everywhere; the walls are given. Version 1 is the light field as captured, version 2 what "
              "<code>ilflamps</code> makes of it. Rooms by chance come with nothing given: what the gain is, and how often it was none.",
+    "shrink": "One light field, smaller and smaller: compressed as it is, by DWA, with its texels rounded (<code>--tolerance</code>), and with its lamps taken out and fewer probes of what is left. "
+              "The error is that of irradiance, on the plane and above it, up and to four sides, beside the field as it was; where lamps were taken out, beside that form with all its probes. The CPU seconds "
+              "are those of reading it all (<code>ilfinfo</code>).",
 }
 CSS = """
 :root { color-scheme: light; --ink: #1d1f21; --quiet: #5b6066; --line: #d9dcdf; --soft: #f5f6f7; --link: #0b5c97; }
@@ -104,7 +108,7 @@ def seconds(x):
 COLUMNS = [("row", "", "row", text), ("error", "n", "error", percent), ("SSIM", "n", "ssim", lambda x: plain(x, "{:.4f}")), ("CPU s", "n", "cpu_s", seconds),
            ("peak MB", "n", "peak_mb", lambda x: plain(x, "{:.0f}")), ("reference", "", "reference", text),
            ("its own error", "n", "reference_error", percent), ("measure", "", "measure", text)]
-NOTED = {"storage", "budget", "size", "lamps"}     # sections whose rows say more in words
+NOTED = {"storage", "budget", "size", "lamps", "shrink"}     # sections whose rows say more in words
 
 
 def table(rows):

@@ -91,4 +91,13 @@ def lamps(rows):
     return out
 
 
-OF = {"time": time, "size": size, "storage": storage, "budget": budget, "depth": depth, "grid": grid, "lamps": lamps}
+def shrink(rows):
+    kinds = {}
+    for r in rows:
+        if float(r["y"]) > 1e-9:
+            kinds.setdefault(r["note"].split(":")[0], []).append((value(r, "x"), value(r, "y")))
+    return [("shrink", "Error of irradiance against bytes of the file. Lossless forms are exact and not shown.",
+             *two(lambda s: plots.curves(kinds, "Light fields that shrink", "megabytes", "irradiance, rms / mean", size=s)))] if kinds else []
+
+
+OF = {"time": time, "size": size, "storage": storage, "budget": budget, "depth": depth, "grid": grid, "lamps": lamps, "shrink": shrink}

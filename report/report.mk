@@ -7,7 +7,7 @@
 # stopped goes on where it was, what another build of a program would make is made again.  Two at a time (REPORT_JOBS); REPORT_SIZE=WxH is the size of the sweeps' pictures.
 
 REPORT          := $(B0)/report
-REPORT_SECTIONS ?= figures time size storage budget depth grid lamps
+REPORT_SECTIONS ?= figures time size storage budget depth grid lamps shrink
 REPORT_FIGURES  ?= figure10 figure11 figure12
 REPORT_JOBS     ?= $(shell nproc 2>/dev/null || echo 2)
 REPORT_SIZE     ?= 64x48
@@ -15,7 +15,7 @@ REPORT_FROM     := $(or $(FIG),$(B0)/figures)
 REPORT_READS    := $(if $(filter figures,$(REPORT_SECTIONS)),\
                      $(foreach f,$(REPORT_FIGURES),$(foreach p,photo with_room with_room.lamps with_single mask,$(REPORT_FROM)/$(f)/$(p).hdr)))
 REPORT_SCENES   := $(wildcard scenes/demo/* scenes/figure12/* scenes/models/*.py) scenes/compare.py scenes/pictures.py scenes/rgbe.py $(TIMED) \
-                     $(wildcard bench/lamps/*.py) $(if $(filter lamps,$(REPORT_SECTIONS)),$(B)/test/caster.so)
+                     $(wildcard bench/lamps/*.py) $(if $(filter lamps shrink,$(REPORT_SECTIONS)),$(B)/test/caster.so)
 
 .PHONY: report report-clean
 report: $(REPORT)/index.html

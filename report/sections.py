@@ -4,7 +4,8 @@ import importlib
 from . import run
 
 SECTIONS = {"figures": "figures", "time": "sweep_time", "size": "sweep_size", "storage": "sweep_storage", "budget": "budget", "depth": "sweep_depth",
-            "grid": "sweep_grid", "lamps": "sweep_lamps"}
+            "grid": "sweep_grid", "lamps": "sweep_lamps",
+            "shrink": "sweep_shrink"}
 TOOLS = {"colordata": "colordata", "texels": "texels", "page": "page", "check": "check"}
 
 

@@ -92,7 +92,8 @@ void cli_progress(const char *what, double done, double total);
 char *cli_command_line(const cli_prog *prog, int argc, char *const *argv);
 
 /* Parsers of common values, usable from cli_call_fn: whole string or failure. */
-int cli_parse_double(double *v, const char *s, errmsg *e);                          /* finite; "1/60" too */
+int cli_parse_double(double *v, const char *s, errmsg *e);             /* finite; "1/60" too */
+int cli_parse_share(double *v, double most, const char *s, errmsg *e); /* "1%" or ".01": above 0, to most */
 int cli_parse_doubles(double *v, int n, const char *s, const char *sep, errmsg *e); /* exactly n */
 int cli_parse_size(int *w, int *h, const char *s, errmsg *e);                       /* "WxH", both >= 1 */
 

@@ -36,6 +36,20 @@ int cli_parse_double(double *v, const char *s, errmsg *e)
     return 0;
 }
 
+int cli_parse_share(double *v, double most, const char *s, errmsg *e)
+{
+    const char *end;
+    double x;
+    int ok = number(&x, s, &end) == 0;
+
+    if (ok && *end == '%') x /= 100, end++;
+    if (!ok || *end || !(x > 0) || x > most)
+        return err_set(e, "expected a share above 0 and to %g%%, such as 1%% or .01, found '%s'", 100 * most,
+                       s);
+    *v = x;
+    return 0;
+}
+
 int cli_parse_doubles(double *v, int n, const char *s, const char *sep, errmsg *e)
 {
     double list[MAX_LIST];

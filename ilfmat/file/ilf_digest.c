@@ -80,6 +80,7 @@ ilf_status ilf_digest(uint64_t *digest, const ilf *f, ilf_error *err)
     const int size[4] = {f->info.n_u, f->info.n_v, f->info.n_theta, f->info.n_phi};
 
     for (int k = 0; k < 4; k++) h[k & 1] = chain(h[k & 1], (uint64_t)size[k]);
+    ilf_read_ahead(f);
     h[0] = chain(h[0], bits((float)f->info.polar_max));
     h[1] = chain(h[1], bits((float)f->info.polar_valid));
     for (int64_t k = 0; k < (int64_t)f->info.n_u * f->info.n_v; k++) {

@@ -45,21 +45,30 @@ static int64_t file_size(exr_const_context_t ctxt, void *user)
     return ((const ilf *)user)->info.file_bytes;
 }
 
+/* A thread's own: probes are read by several at once. */
+ilf_error *ilf_exr_words(void)
+{
+    static _Thread_local ilf_error words;
+
+    return &words;
+}
+
 /* Keep OpenEXR's first words: they are the cause, later ones the consequence. */
 static void keep_words(exr_const_context_t ctxt, exr_result_t code, const char *msg)
 {
-    void *user = NULL;
+    ilf_error *words = ilf_exr_words();
 
-    if (!ctxt || exr_get_user_data(ctxt, &user) != EXR_ERR_SUCCESS || !user) return;
-    ilf *f = user;
-    if (!f->exr_words.text[0])
-        ilf_fail(&f->exr_words, ILF_ERR_FORMAT, "%s", msg ? msg : exr_get_default_error_message(code));
+    (void)ctxt;
+    if (!words->text[0])
+        ilf_fail(words, ILF_ERR_FORMAT, "%s", msg ? msg : exr_get_default_error_message(code));
 }
 
 static ilf_status exr_failed(const ilf *f, exr_result_t code, const char *what, ilf_error *err)
 {
+    const char *words = ilf_exr_words()->text;
+
     return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: %s", f->path, what,
-                    f->exr_words.text[0] ? f->exr_words.text : exr_get_default_error_message(code));
+                    words[0] ? words : exr_get_default_error_message(code));
 }
 
 /* ---- attributes --------------------------------------------------------------------------- */
@@ -259,7 +268,10 @@ void ilf_close(ilf *f)
     free(f->pix);
     ilf_free_lamps(f->lamps, f->n_lamps);
     free(f->lamp_balls);
+    ilf_memory_free(f);
     pthread_mutex_destroy(&f->lock);
+    pthread_mutex_destroy(&f->dwa_lock);
+    pthread_cond_destroy(&f->loaded);
     if (f->exr) exr_finish(&f->exr);
     if (f->map) munmap((void *)(uintptr_t)f->map, (size_t)f->info.file_bytes);
     if (f->fd >= 0) close(f->fd);
@@ -291,6 +303,7 @@ static ilf_status open_file(ilf *f, ilf_error *err)
     init.size_fn = file_size;
     init.error_handler_fn = keep_words;
     init.max_image_width = init.max_image_height = 0;
+    ilf_exr_words()->text[0] = 0;
     const exr_result_t r = exr_start_read(&f->exr, f->path, &init);
     if (r != EXR_ERR_SUCCESS) {
         f->exr = NULL;
@@ -328,6 +341,8 @@ ilf_status ilf_open(ilf **field, const char *path, ilf_error *err)
     }
     f->fd = -1;
     pthread_mutex_init(&f->lock, NULL);
+    pthread_mutex_init(&f->dwa_lock, NULL);
+    pthread_cond_init(&f->loaded, NULL);
     if ((st = open_file(f, err)) != ILF_OK || (st = read_layout(f, err)) != ILF_OK ||
         (st = read_channels(f, err)) != ILF_OK || (st = read_attributes(f, err)) != ILF_OK ||
         (st = check_tiles(f, err)) != ILF_OK ||

@@ -169,7 +169,7 @@ static ilf_status read_lines(ilf *f, const part *p, float *const *channel, ilf_e
     exr_chunk_info_t chunk;
     int32_t lines = 1;
 
-    f->exr_words.text[0] = 0;
+    ilf_exr_words()->text[0] = 0;
     exr_result_t r = exr_get_scanlines_per_chunk(f->exr, p->number, &lines);
     for (int y = 0; y < p->h && r == EXR_ERR_SUCCESS && lines > 0; y += lines) {
         r = exr_read_scanline_chunk_info(f->exr, p->number, y, &chunk);
@@ -182,7 +182,7 @@ static ilf_status read_lines(ilf *f, const part *p, float *const *channel, ilf_e
     }
     if (r == EXR_ERR_SUCCESS) return ILF_OK;
     return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected %d whole lines, found: %s", f->path, p->name, p->h,
-                    f->exr_words.text[0] ? f->exr_words.text : exr_get_default_error_message(r));
+                    ilf_exr_words()->text[0] ? ilf_exr_words()->text : exr_get_default_error_message(r));
 }
 
 static ilf_status read_picture(ilf *f, ilf_mask *m, int number, ilf_error *err)

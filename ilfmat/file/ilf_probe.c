@@ -4,7 +4,8 @@
  * A tile that lies uncompressed in the file is used where it is, in the mapped file: several
  * processes then share one copy, and a render's memory is the probes that it touches.  Where the file has a
  * second part with the same texels interleaved, that one is used, after it has been compared with the first
- * part, which counts. Any other tile is decoded into memory.  Either way the texels are checked once.
+ * part, which counts. Any other tile is decoded into memory, by the thread that needs it first, while others go on (ilf_memory.c bounds that
+ * memory). Either way the texels are checked once.
  */
 #include <errno.h>
 #include <stdio.h>
@@ -67,7 +68,7 @@ static ilf_status decode(ilf *f, const exr_chunk_info_t *chunk, unsigned char *p
     exr_decoding_destroy(f->exr, &d);
     if (r == EXR_ERR_SUCCESS) return ILF_OK;
     return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected a whole tile, found: %s", f->path, where,
-                    f->exr_words.text[0] ? f->exr_words.text : exr_get_default_error_message(r));
+                    ilf_exr_words()->text[0] ? ilf_exr_words()->text : exr_get_default_error_message(r));
 }
 
 /* The file must be the one that was opened: replaced by rename it still is (the old file lives on
@@ -96,11 +97,11 @@ ilf_status ilf_fail_changed(const ilf *f, ilf_error *err)
 static ilf_status find_tile(ilf *f, int part, int i, int j, exr_chunk_info_t *chunk, const char *where,
                             ilf_error *err)
 {
-    f->exr_words.text[0] = 0;
+    ilf_exr_words()->text[0] = 0;
     const exr_result_t r = exr_read_tile_chunk_info(f->exr, part, i, j, 0, 0, chunk);
     if (r != EXR_ERR_SUCCESS)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected a tile, found: %s", f->path, where,
-                        f->exr_words.text[0] ? f->exr_words.text : exr_get_default_error_message(r));
+                        ilf_exr_words()->text[0] ? ilf_exr_words()->text : exr_get_default_error_message(r));
     if (chunk->unpacked_size == 0 || chunk->data_offset > (uint64_t)f->info.file_bytes ||
         chunk->packed_size > (uint64_t)f->info.file_bytes - chunk->data_offset)
         return ilf_fail(err, ILF_ERR_FORMAT, "%s: %s: expected a tile inside the file, found it truncated",
@@ -117,34 +118,36 @@ static int is_raw(const ilf *f, const exr_chunk_info_t *chunk)
     return chunk->packed_size == bytes && chunk->unpacked_size == bytes;
 }
 
-/* Decode a tile of the first part into memory of its own. */
+static ilf_status decode_dwa(ilf *f, int i, int j, unsigned char *pix, ilf_error *err)
+{
+    pthread_mutex_lock(&f->dwa_lock);
+    const ilf_status st = ilf_decode_dwa(f, i, j, pix, err);
+    pthread_mutex_unlock(&f->dwa_lock);
+    return st;
+}
+
+/* Decode a tile of the first part into *own, or, where that is NULL, memory that becomes it. */
 static ilf_status decode_tile(ilf *f, int i, int j, const exr_chunk_info_t *chunk, const unsigned char **pix,
                               void **own, const char *where, ilf_error *err)
 {
-    unsigned char *memory = malloc(TEXEL_HEAD + f->probe_bytes);
-    ilf_status st;
+    unsigned char *to = *own ? *own : malloc(TEXEL_HEAD + f->probe_bytes);
 
-    if (!memory)
+    *own = to;
+    if (!to)
         return ilf_fail(err, ILF_ERR_MEMORY, "%s: %s: no memory for %zu bytes", f->path, where,
                         f->probe_bytes);
-    memset(memory, 0, TEXEL_HEAD);
+    memset(to, 0, TEXEL_HEAD);
+    *pix = to + TEXEL_HEAD;
     if (is_raw(f, chunk))
-        st = ilf_copy_texels(f, memory + TEXEL_HEAD, chunk->data_offset)
-                 ? ILF_OK
-                 : ilf_fail(err, ILF_ERR_IO, "%s: %s: can't be read", f->path, where);
-    else
-        st = f->is_dwa ? ilf_decode_dwa(f, i, j, memory + TEXEL_HEAD, err)
-                       : decode(f, chunk, memory + TEXEL_HEAD, where, err);
-    if (st != ILF_OK) {
-        free(memory);
-        return st;
-    }
-    *own = memory;
-    *pix = memory + TEXEL_HEAD;
-    return ILF_OK;
+        return ilf_copy_texels(f, to + TEXEL_HEAD, chunk->data_offset)
+                   ? ILF_OK
+                   : ilf_fail(err, ILF_ERR_IO, "%s: %s: can't be read", f->path, where);
+    return f->is_dwa ? decode_dwa(f, i, j, to + TEXEL_HEAD, err)
+                     : decode(f, chunk, to + TEXEL_HEAD, where, err);
 }
 
-/* Texels of probe k, checked: in the mapped file, or decoded into *own.  Under the lock. */
+/* Texels of probe k, checked: in the mapped file, or decoded into *own (the caller's memory, or NULL: then it is taken).  The caller
+ * frees *own where it fails, too. */
 static ilf_status get_tile(ilf *f, int64_t k, const unsigned char **pix, void **own, ilf_error *err)
 {
     const int i = (int)(k % f->info.n_u), j = (int)(k / f->info.n_u);
@@ -153,7 +156,6 @@ static ilf_status get_tile(ilf *f, int64_t k, const unsigned char **pix, void **
     char where[64];
     ilf_status st = ilf_check_unchanged(f, err);
 
-    *own = NULL;
     *pix = NULL;
     (void)!snprintf(where, sizeof where, "probe (%d,%d)", i, j);
     if (st == ILF_OK) st = find_tile(f, 0, i, j, &chunk, where, err);
@@ -175,7 +177,6 @@ static ilf_status get_tile(ilf *f, int64_t k, const unsigned char **pix, void **
     const int64_t bad = first_bad(*pix, f->probe_bytes, f->is_half);
     if (bad >= 0) {
         const size_t y = (size_t)bad / f->row_bytes, rest = (size_t)bad % f->row_bytes;
-        free(*own);
         return ilf_fail(err, ILF_ERR_VALUE,
                         "%s: %s, pixel (%zu,%zu): expected a finite value, found NaN or infinity", f->path,
                         where, rest / f->pixel_bytes % (size_t)f->info.n_theta, y);
@@ -184,46 +185,100 @@ static ilf_status get_tile(ilf *f, int64_t k, const unsigned char **pix, void **
     return ILF_OK;
 }
 
+/* Probe k from here on; under lock. */
+static void publish(ilf *f, int64_t k, const unsigned char *pix, void *own)
+{
+    probe *p = &f->probes[k];
+
+    if (!p->known) {
+        row_mean(p->pole[0], f, pix);
+        row_mean(p->pole[1], f, pix + (size_t)(f->info.n_phi - 1) * f->row_bytes);
+        f->usage.probes++;
+    }
+    if (!p->known || own)
+        *(own ? &f->usage.decoded_bytes : &f->usage.mapped_bytes) += (int64_t)f->probe_bytes;
+    p->known = 1;
+    p->decoded = own;
+    if (own) ilf_memory_keep(f, k);
+    atomic_store_explicit(&f->pix[k], pix, memory_order_release);
+}
+
+/* Read probe k, by this thread alone; under lock, which others may have meanwhile. */
 static ilf_status bring_in(ilf *f, int64_t k, ilf_error *err)
 {
     const unsigned char *pix;
-    probe *p = &f->probes[k];
-    const ilf_status st = get_tile(f, k, &pix, &p->decoded, err);
+    const int bounded = f->memory.most && !f->in_place;
+    void *own = bounded ? ilf_memory_take(f) : NULL;
 
-    if (st != ILF_OK) {
-        p->decoded = NULL;
-        return st;
+    f->probes[k].loading = 1;
+    pthread_mutex_unlock(&f->lock);
+    const ilf_status st = get_tile(f, k, &pix, &own, err);
+    pthread_mutex_lock(&f->lock);
+    f->probes[k].loading = 0;
+    if (st == ILF_OK) publish(f, k, pix, own);
+    else {
+        free(own);
+        if (bounded) ilf_memory_none(f);
     }
-    row_mean(p->pole[0], f, pix);
-    row_mean(p->pole[1], f, pix + (size_t)(f->info.n_phi - 1) * f->row_bytes);
-    f->usage.probes++;
-    *(p->decoded ? &f->usage.decoded_bytes : &f->usage.mapped_bytes) += (int64_t)f->probe_bytes;
-    atomic_store_explicit(&f->pix[k], pix, memory_order_release);
-    return ILF_OK;
+    pthread_cond_broadcast(&f->loaded);
+    return st;
+}
+
+/* Probe k ready; under lock. */
+static ilf_status need_locked(ilf *f, int64_t k, ilf_error *err)
+{
+    ilf_status st = ILF_OK;
+
+    while (st == ILF_OK && !atomic_load_explicit(&f->pix[k], memory_order_relaxed)) {
+        if (f->probes[k].loading) pthread_cond_wait(&f->loaded, &f->lock);
+        else st = bring_in(f, k, err);
+    }
+    return st;
 }
 
 ilf_status ilf_load_probe(const ilf *field, int64_t k, ilf_error *err)
 {
     /* the field's meaning does not change by being read, so lookups take it const */
     ilf *f = (ilf *)(uintptr_t)field;
-    ilf_status st = ILF_OK;
 
     pthread_mutex_lock(&f->lock);
-    if (!atomic_load_explicit(&f->pix[k], memory_order_relaxed)) st = bring_in(f, k, err);
+    const ilf_status st = need_locked(f, k, err);
     pthread_mutex_unlock(&f->lock);
     return st;
+}
+
+/* A copy of texels, which may be given back once the lock is; NULL without memory. */
+static unsigned char *copied(const unsigned char *pix, const ilf *f)
+{
+    unsigned char *copy = malloc(TEXEL_HEAD + f->probe_bytes);
+
+    if (copy) memcpy(copy, pix - TEXEL_HEAD, TEXEL_HEAD + f->probe_bytes);
+    return copy;
 }
 
 ilf_status ilf_peek_probe(const ilf *field, int64_t k, const unsigned char **pix, void **own, ilf_error *err)
 {
     ilf *f = (ilf *)(uintptr_t)field;
+    const probe_memory *m = &f->memory;
     ilf_status st = ILF_OK;
 
     *own = NULL;
     pthread_mutex_lock(&f->lock);
     *pix = atomic_load_explicit(&f->pix[k], memory_order_relaxed);
-    if (!*pix) st = get_tile(f, k, pix, own, err);
+    /* what is decoded once need not be twice, if there is room for it */
+    const int stays = !f->in_place && (!m->most || m->n < m->most);
+    if (!*pix && stays && (st = need_locked(f, k, err)) == ILF_OK)
+        *pix = atomic_load_explicit(&f->pix[k], memory_order_relaxed);
+    if (*pix && m->most && f->probes[k].decoded) {
+        unsigned char *copy = copied(*pix, f);
+        *own = copy;
+        *pix = copy ? copy + TEXEL_HEAD : NULL;
+    }
     pthread_mutex_unlock(&f->lock);
+    if (st == ILF_OK && !*pix) {
+        st = get_tile(f, k, pix, own, err);
+        if (st != ILF_OK) free(*own);
+    }
     return st;
 }
 
@@ -241,37 +296,52 @@ void ilf_unpeek_probe(const ilf *f, const unsigned char *pix, void *own)
     if (to > from) madvise((void *)from, to - from, MADV_DONTNEED);
 }
 
-/* Probe (i, j) ready, its texels at *pix. */
-static ilf_status need_texels(const unsigned char **pix, const ilf *f, int i, int j, ilf_error *err)
+static ilf_status check_node(const ilf *f, int i, int j, ilf_error *err)
 {
-    if (i < 0 || j < 0 || i >= f->info.n_u || j >= f->info.n_v)
-        return ilf_fail(err, ILF_ERR_ARG, "%s: probe (%d,%d): expected one of %dx%d", f->path, i, j,
-                        f->info.n_u, f->info.n_v);
-    const int64_t k = (int64_t)j * f->info.n_u + i;
-    const ilf_status st = ilf_need_probe(f, k, err);
-    if (st == ILF_OK) *pix = atomic_load_explicit(&f->pix[k], memory_order_acquire);
-    return st;
+    if (i >= 0 && j >= 0 && i < f->info.n_u && j < f->info.n_v) return ILF_OK;
+    return ilf_fail(err, ILF_ERR_ARG, "%s: probe (%d,%d): expected one of %dx%d", f->path, i, j, f->info.n_u,
+                    f->info.n_v);
 }
 
-ilf_status ilf_read_probe(float *rgb, const ilf *f, int i, int j, ilf_error *err)
+static void copy_out(float *rgb, const ilf *f, const unsigned char *pix)
 {
-    const unsigned char *pix = NULL;
-    const ilf_status st = need_texels(&pix, f, i, j, err);
-
-    if (st != ILF_OK) return st;
     for (int y = 0; y < f->info.n_phi; y++)
         for (int x = 0; x < f->info.n_theta; x++)
             for (int c = 0; c < 3; c++)
                 *rgb++ = ilf_texel(f, pix + (size_t)y * f->row_bytes + f->chan_offset[c] +
                                           (size_t)x * f->pixel_bytes);
-    return ILF_OK;
 }
 
-ilf_status ilf_view_probe(ilf_view *view, const ilf *f, int i, int j, ilf_error *err)
+ilf_status ilf_read_probe(float *rgb, const ilf *field, int i, int j, ilf_error *err)
 {
-    const unsigned char *pix = NULL;
-    const ilf_status st = need_texels(&pix, f, i, j, err);
+    ilf *f = (ilf *)(uintptr_t)field;
+    const int64_t k = (int64_t)j * f->info.n_u + i;
+    ilf_status st = check_node(f, i, j, err);
 
+    if (st != ILF_OK) return st;
+    pthread_mutex_lock(&f->lock);
+    st = need_locked(f, k, err);
+    const int bounded = f->memory.most != 0;
+    const unsigned char *pix = atomic_load_explicit(&f->pix[k], memory_order_relaxed);
+    if (st == ILF_OK && bounded) copy_out(rgb, f, pix); /* while it can't be given back */
+    pthread_mutex_unlock(&f->lock);
+    if (st == ILF_OK && !bounded) copy_out(rgb, f, pix);
+    return st;
+}
+
+ilf_status ilf_view_probe(ilf_view *view, const ilf *field, int i, int j, ilf_error *err)
+{
+    ilf *f = (ilf *)(uintptr_t)field;
+    const int64_t k = (int64_t)j * f->info.n_u + i;
+    ilf_status st = check_node(f, i, j, err);
+
+    if (st != ILF_OK) return st;
+    pthread_mutex_lock(&f->lock);
+    st = need_locked(f, k, err);
+    if (st == ILF_OK) f->probes[k].pinned = 1;
+    const unsigned char *pix = atomic_load_explicit(&f->pix[k], memory_order_relaxed);
+    const int in_file = !f->probes[k].decoded;
+    pthread_mutex_unlock(&f->lock);
     if (st != ILF_OK) return st;
     /* in both orders the channels are evenly apart: B G R of a row, or R G B of a texel */
     *view = (ilf_view){.red = pix + f->chan_offset[0],
@@ -279,6 +349,6 @@ ilf_status ilf_view_probe(ilf_view *view, const ilf *f, int i, int j, ilf_error 
                        .row = (ptrdiff_t)f->row_bytes,
                        .column = (ptrdiff_t)f->pixel_bytes,
                        .channel = (ptrdiff_t)f->chan_offset[1] - (ptrdiff_t)f->chan_offset[0],
-                       .in_file = !f->probes[(int64_t)j * f->info.n_u + i].decoded};
+                       .in_file = in_file};
     return ILF_OK;
 }

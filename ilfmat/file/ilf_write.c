@@ -13,13 +13,22 @@
 #include "exr/exr_whole.h"
 #include "ilf_lampfile.h"
 
+/* What rounding did so far: sums over nodes. */
+typedef struct loss_sums {
+    double square, before, after; /* of relative changes, of irradiance */
+    int64_t lit;                  /* nodes with light */
+    ilf_loss most;                /* worst, texel */
+} loss_sums;
+
 struct ilf_writer {
     exr_context_t exr;
     char *path; /* as errors call the file */
     char *file; /* where it is */
     ilf_spec spec;
-    int64_t next;    /* probe to come */
-    uint16_t *half;  /* one probe, when the file holds halves */
+    int64_t next;   /* probe to come */
+    uint16_t *half; /* one probe, when the file holds halves */
+    float *rounded; /* one probe, where texels are rounded */
+    loss_sums loss;
     ilf_error words; /* OpenEXR's own */
 };
 
@@ -69,6 +78,9 @@ static ilf_status check_spec(const char *path, const ilf_spec *s, exr_compressio
             err, ILF_ERR_ARG,
             "%s: compression: expected none for a file that holds its texels interleaved too, found %s", path,
             name);
+    if (!(s->tolerance >= 0 && s->tolerance <= 0.5))
+        return ilf_fail(err, ILF_ERR_ARG, "%s: tolerance: expected a share from 0 to .5, found %g", path,
+                        s->tolerance);
     if (*compression > EXR_COMPRESSION_B44A)
         return ilf_fail(err, ILF_ERR_ARG, "%s: compression: %s is not written; expected another", path, name);
     ilf_status st =
@@ -159,7 +171,8 @@ ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec
     if (st != ILF_OK) return st;
     ilf_writer *w = calloc(1, sizeof *w);
     if (!w || !(w->path = strdup(name)) || !(w->file = strdup(path)) ||
-        (spec->type == ILF_HALF && !(w->half = malloc((size_t)spec->n_theta * (size_t)spec->n_phi * 6)))) {
+        (spec->type == ILF_HALF && !(w->half = malloc((size_t)spec->n_theta * (size_t)spec->n_phi * 6))) ||
+        (spec->tolerance > 0 && !(w->rounded = malloc((size_t)spec->n_theta * (size_t)spec->n_phi * 12)))) {
         ilf_writer_abort(w);
         return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory", name);
     }
@@ -177,6 +190,56 @@ ilf_status ilf_writer_open(ilf_writer **writer, const char *path, const ilf_spec
     }
     *writer = w;
     return ILF_OK;
+}
+
+/* Luminance that falls on the plane. */
+static double irradiance(const float *rgb, const ilf_spec *s)
+{
+    const double step = s->polar_max / s->n_phi;
+    double e = 0;
+
+    for (int y = 0; y < s->n_phi && y * step < ILF_PI / 2; y++, rgb += 3 * (size_t)s->n_theta) {
+        const double lo = sin(y * step), hi = sin(fmin((y + 1) * step, ILF_PI / 2)); /* integral of cos sin */
+        double row = 0;
+        for (int x = 0; x < s->n_theta; x++) row += ilf_luminance(rgb + 3 * (size_t)x);
+        e += row * (hi * hi - lo * lo) * ILF_PI / s->n_theta;
+    }
+    return e;
+}
+
+static void add_loss(loss_sums *l, const float *rgb, const float *rounded, const ilf_spec *s, int i, int j)
+{
+    const size_t n = (size_t)s->n_theta * (size_t)s->n_phi * 3;
+    const double before = irradiance(rgb, s), after = irradiance(rounded, s);
+    const float least =
+        s->type == ILF_HALF ? 0x1p-14f : 0x1p-126f; /* below it the type's own steps are coarser */
+
+    for (size_t k = 0; k < n; k++)
+        if (fabsf(rgb[k]) >= least)
+            l->most.texel = fmax(l->most.texel, fabs((double)rounded[k] / (double)rgb[k] - 1));
+    l->before += before, l->after += after;
+    if (!(before > 0)) return;
+    const double change = after / before - 1;
+    l->square += change * change, l->lit++;
+    if (fabs(change) > fabs(l->most.worst)) l->most.worst = change, l->most.worst_i = i, l->most.worst_j = j;
+}
+
+static void tell_loss(ilf_loss *loss, const loss_sums *l)
+{
+    *loss = l->most;
+    loss->rms = l->lit ? sqrt(l->square / (double)l->lit) : 0;
+    loss->mean = l->before > 0 ? l->after / l->before - 1 : 0;
+}
+
+/* The probe's texels rounded, and what that does. */
+static const float *round_probe(ilf_writer *w, const float *rgb, int i, int j)
+{
+    const size_t n = (size_t)w->spec.n_theta * (size_t)w->spec.n_phi * 3;
+
+    memcpy(w->rounded, rgb, n * sizeof *rgb);
+    ilf_round(w->rounded, n, w->spec.type, w->spec.tolerance);
+    if (w->spec.loss) add_loss(&w->loss, rgb, w->rounded, &w->spec, i, j);
+    return w->rounded;
 }
 
 /* Refuse what a file must not hold; fill w->half where the file holds halves. */
@@ -213,6 +276,7 @@ ilf_status ilf_writer_probe(ilf_writer *w, const float *rgb, ilf_error *err)
     if (j >= w->spec.n_v)
         return ilf_fail(err, ILF_ERR_ARG, "%s: expected %dx%d probes, found more", w->path, w->spec.n_u,
                         w->spec.n_v);
+    if (w->rounded) rgb = round_probe(w, rgb, i, j);
     const ilf_status st = take_texels(w, rgb, i, j, err);
     if (st != ILF_OK) return st;
     const unsigned char *from = w->half ? (const unsigned char *)w->half : (const unsigned char *)rgb;
@@ -310,6 +374,7 @@ ilf_status ilf_writer_close(ilf_writer *w, ilf_error *err)
         r = exr_finish(&w->exr);
         w->exr = NULL;
         if (st == ILF_OK && r != EXR_ERR_SUCCESS) st = failed(w, r, err);
+        if (st == ILF_OK && w->spec.loss) tell_loss(w->spec.loss, &w->loss);
     }
     ilf_writer_abort(w);
     return st;
@@ -321,6 +386,7 @@ void ilf_writer_abort(ilf_writer *w)
     at_work = NULL;
     if (w->exr) exr_finish(&w->exr);
     free(w->half);
+    free(w->rounded);
     free(w->file);
     free(w->path);
     free(w);

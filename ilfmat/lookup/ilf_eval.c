@@ -202,9 +202,11 @@ ilf_status ilf_eval_plain(float rgb[3], const ilf *f, const ilf_frame *fr, const
         cl.w[k] = w[k];
         if (w[k] <= 0) continue; /* also keeps i < n_u, j < n_v */
         cl.m[k] = (int64_t)(j0 + (k >> 1)) * n_u + i0 + (k & 1);
-        const ilf_status st = ilf_need_probe(f, cl.m[k], err);
-        if (st != ILF_OK) return st;
-        cl.pix[k] = atomic_load_explicit(&f->pix[cl.m[k]], memory_order_relaxed);
+        do { /* another thread may have had its memory given back */
+            const ilf_status st = ilf_need_probe(f, cl.m[k], err);
+            if (st != ILF_OK) return st;
+            cl.pix[k] = atomic_load_explicit(&f->pix[cl.m[k]], memory_order_acquire);
+        } while (!cl.pix[k]);
         if (corrected) at = find_place(f, towards_hit(f, &cl, k));
         add_probe(sum, f, &cl, k, &at);
     }
@@ -212,8 +214,8 @@ ilf_status ilf_eval_plain(float rgb[3], const ilf *f, const ilf_frame *fr, const
     return ILF_OK;
 }
 
-ilf_status ilf_eval_residual(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3],
-                             const double dir[3], const double *hit, ilf_mode mode, ilf_error *err)
+static ilf_status eval_once(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3],
+                            const double dir[3], const double *hit, ilf_mode mode, ilf_error *err)
 {
     const int corrected = hit && mode == ILF_DEPTH;
 
@@ -222,4 +224,17 @@ ilf_status ilf_eval_residual(float rgb[3], const ilf *f, const ilf_frame *fr, co
         if (st != ILF_UNUSUAL) return (ilf_status)st;
     }
     return ilf_eval_plain(rgb, f, fr, origin, dir, hit, mode, err);
+}
+
+ilf_status ilf_eval_residual(float rgb[3], const ilf *f, const ilf_frame *fr, const double origin[3],
+                             const double dir[3], const double *hit, ilf_mode mode, ilf_error *err)
+{
+    if (!f->memory.most) return eval_once(rgb, f, fr, origin, dir, hit, mode, err);
+    for (;;) { /* until no probe's memory was used for another meanwhile: see ilf_memory.c */
+        const unsigned before = atomic_load_explicit(&f->memory.given_back, memory_order_acquire);
+        const ilf_status st = eval_once(rgb, f, fr, origin, dir, hit, mode, err);
+        atomic_thread_fence(memory_order_acquire);
+        if (st != ILF_OK || atomic_load_explicit(&f->memory.given_back, memory_order_relaxed) == before)
+            return st;
+    }
 }

@@ -310,7 +310,8 @@ INLINE_AVX2 int lookup(float rgb[3], const ilf *f, const ilf_frame *fr, const do
 #define READ(at) atomic_load_explicit(&all[at], memory_order_acquire)
     const unsigned char *pix[4] = {READ(0), READ(right), READ(up), READ(right + up)};
 
-    if (__builtin_expect(!pix[0] || !pix[1] || !pix[2] || !pix[3], 0)) {
+    /* again where what was read gave back another's memory */
+    while (__builtin_expect(!pix[0] || !pix[1] || !pix[2] || !pix[3], 0)) {
         const ilf_status st = read_probes(f, m, err);
         if (st != ILF_OK) return (int)st;
         pix[0] = READ(0), pix[1] = READ(right), pix[2] = READ(up), pix[3] = READ(right + up);

@@ -77,7 +77,7 @@ static void *work(void *shared)
     return NULL;
 }
 
-static int processors(void)
+int ilf_processors(void)
 {
     cpu_set_t set;
 
@@ -102,7 +102,7 @@ ilf_status ilf_eval_many(float *rgb, const ilf *field, const ilf_frame *frame, c
     job j = {.rgb = rgb, .field = field, .frame = frame, .rays = rays, .mode = mode, .failed = rays->n};
 
     if (threads < 0) return ilf_fail(err, ILF_ERR_ARG, "threads: expected 0 or more, found %d", threads);
-    if (threads == 0) threads = processors();
+    if (threads == 0) threads = ilf_processors();
     if (threads > MOST_THREADS) threads = MOST_THREADS;
     if ((size_t)threads > pieces) threads = (int)pieces;
     if (pthread_mutex_init(&j.lock, NULL) != 0) return ilf_fail(err, ILF_ERR_MEMORY, "no memory for a lock");

@@ -11,15 +11,18 @@
 #include "ilf.h"
 #include "image/image.h"
 #include "lamp_words.h"
+#include "shrink_words.h"
 
 #define PI 3.14159265358979323846
 
-static int header_only, montage_size = 1600;
+static int header_only, shrink, montage_size = 1600;
 static double exposure_stops;
 static const char *montage;
 
 static const cli_opt options[] = {
     {"header", 0, CLI_FLAG, &header_only, NULL, NULL, "print the header only; no probe is read"},
+    {"shrink", 0, CLI_FLAG, &shrink, NULL, NULL,
+     "say what the file would shrink to, from a few of its probes"},
     {"montage", 0, CLI_STRING, &montage, NULL, "FILE.png",
      "write the mosaic of all probes, probe (0,0) top left"},
     {"size", 0, CLI_INT, &montage_size, NULL, "PIXELS", "longest side of the mosaic (default 1600)"},
@@ -208,6 +211,7 @@ int main(int argc, char **argv)
     if (field_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     const ilf_info *in = ilf_get_info(field);
     print_header(argv[1], field);
+    if (shrink) print_shrink(field);
     if (header_only) {
         field_close(field);
         return cli_end(CLI_OK);

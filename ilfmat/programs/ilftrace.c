@@ -16,6 +16,7 @@
 #include "ilf.h"
 
 static int no_depth, report;
+static double memory;
 static const char *plane;
 
 static const cli_opt options[] = {
@@ -23,6 +24,8 @@ static const cli_opt options[] = {
      "look all probes up in the ray's direction (no depth correction)"},
     {"plane", 0, CLI_STRING, &plane, NULL, "\"O U V [N]\"",
      "plane to use instead of the file's: 9 or 12 numbers, as the material's"},
+    {"memory", 0, CLI_DOUBLE, &memory, NULL, "MB",
+     "of a compressed file's probes keep so many decoded ones (default: all\nthat were needed)"},
     {"report", 0, CLI_FLAG, &report, NULL, NULL, "say on stderr at the end how many probes were used"},
     {0}};
 
@@ -78,6 +81,9 @@ int main(int argc, char **argv)
 
     if (n != 1) cli_fail(CLI_USAGE, "expected one light field, found %d", n);
     if (field_open(&field, argv[1], &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
+    if (memory < 0 || memory > 1e12)
+        cli_fail(CLI_USAGE, "--memory: expected megabytes, 0 or more, found %g", memory);
+    if (ilf_set_memory(field, (int64_t)(memory * 1e6), &err) != ILF_OK) cli_fail(CLI_FAILED, "%s", err.text);
     set_frame(&frame, field);
 
     while (errno = 0, getline(&line, &room, stdin) > 0) {

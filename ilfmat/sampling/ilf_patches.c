@@ -221,6 +221,7 @@ static ilf_status fill(ilf_patches *pl, const ilf_patches_spec *spec, ilf_error 
 {
     ilf_status st = ILF_OK;
 
+    ilf_read_ahead(pl->field);
     pl->cell_dir = ilf_cell_centres(SLICE_SIDE);
     pl->mark_dir = ilf_cell_centres(MARK_SIDE);
     if (!pl->cell_dir || !pl->mark_dir)

@@ -107,6 +107,38 @@ static void refuse(const ilf *field, double *ray, size_t n)
     free(many);
 }
 
+/* With hardly any memory for decoded probes, rays in another order: what each sees is the same. */
+static void bounded(const char *path, const double *ray, size_t n)
+{
+    const ilf_rays rays = {n, ray, ray + 3, ray + 6, 9, 9, 9};
+    float *all = memory(n * 3 * sizeof *all), *few = memory(n * 3 * sizeof *few);
+    ilf_error err;
+    ilf_usage use;
+    ilf *whole, *field;
+
+    if (ilf_open(&whole, path, &err) != ILF_OK || ilf_open(&field, path, &err) != ILF_OK ||
+        ilf_set_memory(field, 1, &err) != ILF_OK)
+        fail(err.text);
+    const ilf_info *in = ilf_get_info(field);
+    const int64_t each = (int64_t)in->n_theta * in->n_phi * (in->type == ILF_HALF ? 6 : 12);
+    for (int mode = 0; mode < 2; mode++) {
+        by_loop(all, whole, ray, n, mode ? ILF_DEPTH : ILF_NO_DEPTH);
+        for (int t = 0; t < 3; t++)
+            if (ilf_eval_many(few, field, ilf_get_frame(field), &rays, mode ? ILF_DEPTH : ILF_NO_DEPTH,
+                              threads[t], &err) != ILF_OK)
+                fail(err.text);
+            else if (memcmp(all, few, n * 3 * sizeof *all) != 0)
+                fail("probes that were given back have other radiance");
+    }
+    ilf_get_usage(&use, field);
+    if (use.decoded_bytes > (16 + 5) * each) fail("more probes are kept than were to be");
+    if (ilf_set_memory(field, 0, &err) != ILF_ERR_ARG) fail("memory is bounded after lookups");
+    ilf_close(field);
+    ilf_close(whole);
+    free(all);
+    free(few);
+}
+
 int main(int argc, char **argv)
 {
     const size_t n = argc == 3 ? strtoul(argv[2], NULL, 10) : 0;
@@ -122,6 +154,7 @@ int main(int argc, char **argv)
         compare(ns, field, ray, n, mode ? ILF_DEPTH : ILF_NO_DEPTH);
         printf("%s loop %.1f many %.1f\n", mode ? "depth" : "nodepth", ns[0], ns[1]);
     }
+    bounded(argv[1], ray, n < 4000 ? n : 4000);
     refuse(field, ray, n);
     free(ray);
     ilf_close(field);

@@ -401,6 +401,19 @@ def test_many_rays_at_once_are_as_one_by_one(tmp_path, lit):
     assert p.returncode == 0 and p.stderr == "" and len(p.stdout.splitlines()) == 2, p.stderr
 
 
+@pytest.mark.parametrize("squeeze", ["zip", "dwaa"])
+def test_many_rays_of_a_compressed_file(tmp_path, squeeze):
+    """Decoded by several threads at once, and with memory for few of its probes."""
+    f = random_ilf(np.random.default_rng(33), 6, 5, 16, 8, half=True)
+    path = write_ilf(tmp_path / "f.ilf.exr", f, half=True, compression=squeeze)
+    p = execute([driver("ilfmany"), path, 2000 if squeeze == "zip" else 400], env=environment(), capture_output=True, text=True)
+    assert p.returncode == 0 and p.stderr == "", p.stderr
+    rng = np.random.default_rng(34)
+    text = rays_text(f.origin + rng.uniform(size=(200, 1)) * f.U + rng.uniform(size=(200, 1)) * f.V, rng.normal(size=(200, 3)), np.full((200, 3), np.inf))
+    few = run("ilftrace", "--memory", ".001", "--report", path, stdin=text)
+    assert few.out == run("ilftrace", path, stdin=text).out and "0.0 MB decoded" in few.err
+
+
 def test_ilftrace_nothing_in_nothing_out(tmp_path):
     path = write_ilf(tmp_path / "f.ilf.exr", directional_ilf(lambda d: d * 0 + 1, 4, 4))
     assert run("ilftrace", path).out == b""

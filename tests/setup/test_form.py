@@ -57,7 +57,7 @@ BELOW = {
     "tools/hdrgen": ["common/vision", "common/image", "common/exr", "common/base"],
     "tools/fishremap": ["common/vision", "common/image", "common/exr", "common/base", "ilfmat"],
     "tools/ilflamps": ["common/image", "common/base", "ilfmat", "ilfmat/lamps", "ilfmat/programs"],
-    "tools/ilfpack": ["tools/ilflamps", "common/image", "common/base", "ilfmat", "ilfmat/lamps"],
+    "tools/ilfpack": ["tools/ilflamps", "common/image", "common/base", "ilfmat", "ilfmat/lamps", "ilfmat/programs"],
     "tools/ilfdepth": ["common/image", "common/base", "ilfmat", "ilfmat/programs"],
     "tools/ilfview": ["tools/ilflamps", "common/exr", "common/base", "ilfmat", "ilfmat/programs"],
     "tools/stagectl": ["common/image", "common/base"],

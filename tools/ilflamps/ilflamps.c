@@ -22,11 +22,12 @@ enum { MOST_LAMPS = 64, MOST_EDITS = 256, MAX_WIDTH = 15 };
 
 static const char *report, *rays, *radiance, *lamps, *geometry, *composed, *picture, *target, *exported,
     *edits[MOST_EDITS];
-static storage stored = {.compression = "none"};
+static storage stored;
 static int n_edits, grid_u, grid_v, dry_run;
 #define NOT_GIVEN (-1e9)
 #define DEGREE    57.29577951308232 /* in a radian */
 static double max_width = NOT_GIVEN;
+#define LARGEST_ERROR .002
 
 static int one_edit(const char *value, void *arg, errmsg *e)
 {
@@ -42,6 +43,27 @@ static int grid(const char *value, void *arg, errmsg *e)
     return cli_parse_size(&grid_u, &grid_v, value, e);
 }
 
+/* auto, or how many along u and v */
+static int probes(const char *value, void *arg, errmsg *e)
+{
+    (void)arg;
+    stored.fewer = 1;
+    stored.few.nu = stored.few.nv = 0;
+    return strcmp(value, "auto") ? cli_parse_size(&stored.few.nu, &stored.few.nv, value, e) : 0;
+}
+
+static int largest_error(const char *value, void *arg, errmsg *e)
+{
+    (void)arg;
+    return cli_parse_share(&stored.few.error, .5, value, e);
+}
+
+static int tolerance(const char *value, void *arg, errmsg *e)
+{
+    (void)arg;
+    return cli_parse_share(&stored.tolerance, .5, value, e);
+}
+
 static const cli_opt options[] = {
     {"output", 'o', CLI_STRING, &target, NULL, "OUT.ilf.exr",
      "write the light field, version 2: lamps, what hides them, and what is left in the probes"},
@@ -49,9 +71,17 @@ static const cli_opt options[] = {
      "texels of OUT (default half where it holds them all, else float)"},
     {"compression", 'c', CLI_STRING, &stored.compression, NULL, "NAME",
      "of OUT's probes: none rle zips zip piz pxr24 b44 b44a (default none: renderers then share\nthe file's "
-     "own bytes)"},
+     "own bytes; with --tolerance: zip)"},
+    {"tolerance", 0, CLI_CALL, NULL, tolerance, "SHARE",
+     "round OUT's texels so that none is off by more than this (1% or .01): much smaller when compressed; "
+     "what it "
+     "does to irradiance is said"},
     {"interleave", 0, CLI_FLAG, &stored.interleave, NULL, NULL,
      "OUT holds the texels a second time, in the order that lookups like best"},
+    {"probes", 0, CLI_CALL, NULL, probes, "auto|NxM",
+     "OUT holds fewer probes: as few as keep irradiance within --error where probes were left out, or NxM"},
+    {"error", 0, CLI_CALL, NULL, largest_error, "SHARE",
+     "with --probes auto: the largest error of irradiance (default .2%)"},
     {"compose", 0, CLI_STRING, &composed, NULL, "OUT.ilf.exr",
      "write lamps and what is left as a light field of version 1: lamps as texels, behind what hides them"},
     {"grid", 0, CLI_CALL, NULL, grid, "NxM",
@@ -115,8 +145,13 @@ static void check_usage(int operands)
     if (!target && !report && !rays && !composed && !picture && !exported)
         cli_fail(CLI_USAGE,
                  "nothing to write: expected -o, --compose, --report, --picture, --export-rad or --radiance");
-    if (!target && (stored.type || stored.interleave || strcmp(stored.compression, "none") != 0))
-        cli_fail(CLI_USAGE, "--type, --compression and --interleave are OUT's: expected -o, too");
+    if (stored.few.error > 0 && (!stored.fewer || stored.few.nu))
+        cli_fail(CLI_USAGE, "--error goes with --probes auto: expected that, too");
+    if (stored.few.error <= 0) stored.few.error = LARGEST_ERROR;
+    if (!target &&
+        (stored.fewer || stored.type || stored.interleave || stored.compression || stored.tolerance > 0))
+        cli_fail(CLI_USAGE,
+                 "--type, --compression, --interleave, --tolerance and --probes are OUT's: expected -o, too");
 }
 
 /* What can be wrong before anything is read. */
@@ -163,11 +198,11 @@ static void get_lamps(analysis *a, const char *path)
                      "taken out, found version 2",
                      path);
         bad = taken_read(a, path, &e);
-        /* probes between the old ones see what is left where it is */
-        if (!bad && grid_u)
-            bad = geometry ? surroundings_from(&a->around, geometry, &a->f, &e)
-                           : surroundings_guess(&a->around, &a->f, &e);
     }
+    /* probes between the old ones see what is left where it is */
+    if (!bad && (grid_u || stored.fewer) && !a->around.far && a->f.n > 1)
+        bad = geometry ? surroundings_from(&a->around, geometry, &a->f, &e)
+                       : surroundings_guess(&a->around, &a->f, &e);
     if (bad) cli_fail(CLI_FAILED, "%s", e.text);
     if (a->steady.measured)
         cli_note("%s: its probes are turned by %.2g degrees (rms of %d that lamps could tell, each to %.1g): "

@@ -12,8 +12,10 @@
 #include "base/outfile.h"
 #include "freereport.h"
 #include "ilflamps/compose.h"
+#include "ilflamps/rounding.h"
 #include "ilflamps/taken.h"
 #include "regrid.h"
+
 #include "support.h"
 
 enum { MOST_LAMPS = 32 };
@@ -127,7 +129,7 @@ static int to_grid(job *j, errmsg *e)
     return 0;
 }
 
-static ilf_spec spec_of(const job *j)
+static ilf_spec spec_of(const job *j, ilf_loss *loss)
 {
     ilf_spec spec = lf_spec(&j->a.f);
 
@@ -138,12 +140,12 @@ static ilf_spec spec_of(const job *j)
     spec.owner = j->facts.owner[0] ? j->facts.owner : NULL;
     spec.cap_date = j->facts.cap_date[0] ? j->facts.cap_date : NULL;
     spec.white_luminance = j->facts.white_luminance;
+    spec.tolerance = j->p->tolerance, spec.loss = loss;
     return spec;
 }
 
-static int write_field(const job *j, errmsg *e)
+static int write_field(const job *j, ilf_spec spec, errmsg *e)
 {
-    ilf_spec spec = spec_of(j);
     ilf_luminaire *lamps = taken_lamps(&spec.n_lamps, &j->a);
     outfile *o = NULL;
     int bad = lamps ? 0 : err_set(e, "no memory for lamps");
@@ -161,9 +163,13 @@ static int write_field(const job *j, errmsg *e)
 
 static int write_out(const job *j, errmsg *e)
 {
-    const ilf_spec spec = spec_of(j);
+    ilf_loss loss = {0};
+    const ilf_spec spec = spec_of(j, &loss);
+    const int bad =
+        j->p->keep_lamps ? compose_write_as(j->p->target, &j->a, &spec, e) : write_field(j, spec, e);
 
-    return j->p->keep_lamps ? compose_write_as(j->p->target, &j->a, &spec, e) : write_field(j, e);
+    if (!bad && spec.tolerance > 0) rounding_say(&loss, j->p->target, !j->p->keep_lamps);
+    return bad;
 }
 
 /* ---- words ---------------------------------------------------------------------------------------- */

@@ -21,6 +21,7 @@ typedef struct freeplan {
     ilf_type type;
     const char *compression;
     int interleave;
+    double tolerance; /* texels are rounded within it; 0: they are not */
     const char *line; /* the command line */
 } freeplan;
 

@@ -13,15 +13,18 @@
 #include "base/outfile.h"
 #include "freepack.h"
 #include "ilf.h"
+#include "ilflamps/rounding.h"
 #include "image/holes.h"
 #include "image/image.h"
+#include "repack.h"
 
 #define PI 3.14159265358979323846
 
 static int n_u, n_v, interleave, fill_holes, ignore_alpha, dry_run;
 static const char *positions, *geometry, *lamps, *report, *refine_text;
-static double plane[9], polar_max_deg, polar_valid_deg;
-static const char *plane_text, *type_name = "half", *compression = "none", *target, *layer;
+static double plane[9], polar_max_deg, polar_valid_deg, tolerance;
+static const char *plane_text, *type_name, *compression, *target, *layer;
+static ilf_loss loss;
 
 static int take_grid(const char *value, void *arg, errmsg *e)
 {
@@ -29,14 +32,26 @@ static int take_grid(const char *value, void *arg, errmsg *e)
     return cli_parse_size(&n_u, &n_v, value, e);
 }
 
+static int take_tolerance(const char *value, void *arg, errmsg *e)
+{
+    (void)arg;
+    return cli_parse_share(&tolerance, .5, value, e);
+}
+
 static const cli_opt options[] = {
     {"grid", 'g', CLI_CALL, NULL, take_grid, "NxM", "probes along u and along v"},
     {"plane", 'p', CLI_STRING, &plane_text, NULL, "\"O U V\"",
      "nine numbers: position of probe (0,0), then the edges U and V of the\nsampled rectangle, in the "
      "scene's unit"},
-    {"type", 't', CLI_STRING, &type_name, NULL, "half|float", "texels in the file (default half)"},
+    {"type", 't', CLI_STRING, &type_name, NULL, "half|float",
+     "texels in the file (default half; of a FIELD: as it has)"},
     {"compression", 'c', CLI_STRING, &compression, NULL, "NAME",
-     "none rle zips zip piz pxr24 b44 b44a (default none: renderers then\nshare the file's own bytes)"},
+     "none rle zips zip piz pxr24 b44 b44a (default none: renderers then\nshare the file's own bytes; with "
+     "--tolerance: zip)"},
+    {"tolerance", 0, CLI_CALL, NULL, take_tolerance, "SHARE",
+     "round texels so that none is off by more than this (1% or .01): much\nsmaller when compressed; what it "
+     "does "
+     "to irradiance is said"},
     {"interleave", 0, CLI_FLAG, &interleave, NULL, NULL,
      "hold the texels a second time, in the order that lookups like best:\ntwice the file, and faster where "
      "it is used in place"},
@@ -77,13 +92,16 @@ static const cli_choice choices[] = {
 
 static const cli_prog prog = {
     "ilfpack",
-    "--grid NxM --plane \"O U V\" -o OUT.ilf.exr PROBE... | --positions FILE -o OUT.ilf.exr [PANORAMA...]",
+    "--grid NxM --plane \"O U V\" -o OUT.ilf.exr PROBE... | --positions FILE -o OUT.ilf.exr [PANORAMA...] | "
+    "-o OUT.ilf.exr FIELD",
     "Pack light probes into an incident light field.",
     options,
     "PROBEs are latitude/longitude maps of one size: OpenEXR, Radiance .hdr, PNG, JPEG, TIFF or PNM\n"
     "(8 and 16 bit pictures count as sRGB).  They come row by row: (0,0) (1,0) ... (N-1,M-1).\nWith "
     "--positions they are equirectangular panoramas (top row up, middle column forward, columns to the "
-    "right), in any order.\n",
+    "right), in any order.\nA FIELD is a light field, of version 1 or 2, that is to be written again: "
+    "smaller "
+    "(--tolerance), otherwise compressed (--compression, --type) or ordered (--interleave).\n",
     choices};
 
 /* ---- what a probe's own header says ------------------------------------------------------------ */
@@ -303,6 +321,13 @@ static void check_rounding(void)
                  worst);
 }
 
+static void check_storage(void)
+{
+    if (!target) cli_fail(CLI_USAGE, "expected -o OUT.ilf.exr");
+    if (type_name && strcmp(type_name, "half") != 0 && strcmp(type_name, "float") != 0)
+        cli_fail(CLI_USAGE, "--type: expected half or float, found %s", type_name);
+}
+
 static void check_common(void)
 {
     ilf_frame frame;
@@ -313,9 +338,17 @@ static void check_common(void)
         cli_fail(CLI_USAGE, "--plane: %s", err.text);
     if (plane_text && ilf_frame_init(&frame, plane, plane + 3, plane + 6, NULL, &bad) != ILF_OK)
         cli_fail(CLI_USAGE, "--plane: %s", bad.text);
-    if (!target) cli_fail(CLI_USAGE, "expected -o OUT.ilf.exr");
-    if (strcmp(type_name, "half") != 0 && strcmp(type_name, "float") != 0)
-        cli_fail(CLI_USAGE, "--type: expected half or float, found %s", type_name);
+    check_storage();
+}
+
+static ilf_type texel_type(void)
+{
+    return type_name && strcmp(type_name, "float") == 0 ? ILF_FLOAT : ILF_HALF;
+}
+
+static const char *texel_compression(void)
+{
+    return compression ? compression : rounding_compression(tolerance, interleave);
 }
 
 static void check_usage(int operands)
@@ -374,7 +407,7 @@ static void check_free(void)
         cli_fail(CLI_USAGE, "--lamps: expected auto or keep, found \"%s\"", lamps);
     if (geometry && access(geometry, R_OK) != 0)
         cli_fail(CLI_FAILED, "--geometry: %s: %s", geometry, strerror(errno));
-    spec.compression = compression, spec.interleave = interleave, spec.name = target;
+    spec.compression = texel_compression(), spec.interleave = interleave, spec.name = target;
     if (ilf_spec_check(&spec, &err) != ILF_OK) cli_fail(CLI_USAGE, "%s", err.text);
 }
 
@@ -402,15 +435,45 @@ static void pack_free(char *const *pictures, int n, const char *line)
                                 .most_rows = 1024},
                         .report = report,
                         .target = target,
-                        .type = strcmp(type_name, "half") == 0 ? ILF_HALF : ILF_FLOAT,
-                        .compression = compression,
+                        .type = texel_type(),
+                        .compression = texel_compression(),
                         .interleave = interleave,
+                        .tolerance = tolerance,
                         .line = line};
     errmsg e;
 
     check_free();
     if (dry_run ? freepack_check(&p, pictures, n, &e) : freepack(&p, pictures, n, &e))
         cli_fail(CLI_FAILED, "%s", e.text);
+}
+
+/* ---- a light field again ---------------------------------------------------------------------------- */
+
+static int wants_field(char *const *paths, int n)
+{
+    return n == 1 && !n_u && !plane_text && repack_is_field(paths[0]);
+}
+
+static void pack_field(const char *source, const char *line)
+{
+    const repackplan p = {.source = source,
+                          .target = target,
+                          .type = type_name,
+                          .compression = compression,
+                          .interleave = interleave,
+                          .tolerance = tolerance,
+                          .line = line};
+    errmsg e;
+
+    check_storage();
+    if (polar_max_deg > 0 || polar_valid_deg > 0 || fill_holes || ignore_alpha || layer || geometry ||
+        lamps || report || refine_text)
+        cli_fail(
+            CLI_USAGE,
+            "%s: a light field is written again with --type, --compression, --interleave and --tolerance: "
+            "expected no other option",
+            source);
+    if (repack(&p, dry_run, &e)) cli_fail(CLI_FAILED, "%s", e.text);
 }
 
 int main(int argc, char **argv)
@@ -427,15 +490,22 @@ int main(int argc, char **argv)
         free(line);
         return cli_end(CLI_OK);
     }
+    if (wants_field(argv + 1, n)) {
+        pack_field(argv[1], line);
+        free(line);
+        return cli_end(CLI_OK);
+    }
     check_usage(n);
     const probe_facts facts = dry_run ? (probe_facts){0} : read_all_facts(argv + 1, n);
     ilf_spec spec = {.n_u = n_u,
                      .n_v = n_v,
-                     .compression = compression,
+                     .compression = texel_compression(),
                      .interleave = interleave,
                      .comments = line,
-                     .name = target};
-    spec.type = strcmp(type_name, "half") == 0 ? ILF_HALF : ILF_FLOAT;
+                     .name = target,
+                     .tolerance = tolerance,
+                     .loss = &loss};
+    spec.type = texel_type();
     memcpy(spec.origin, plane, sizeof spec.origin);
     memcpy(spec.U, plane + 3, sizeof spec.U);
     memcpy(spec.V, plane + 6, sizeof spec.V);
@@ -486,6 +556,7 @@ int main(int argc, char **argv)
                  "it at the lower one (a panorama would come out mirrored: fishremap --from latlong makes a "
                  "probe of it)",
                  argv[1], spec.polar_max * 180 / PI);
+    if (tolerance > 0) rounding_say(&loss, target, 0);
     if (below_zero.n)
         cli_note("%s: %lld of %lld values are below 0, down to %.3g: kept, and looked up as they are", target,
                  (long long)below_zero.n, (long long)below_zero.all, below_zero.least);
