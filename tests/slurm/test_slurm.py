@@ -109,37 +109,34 @@ class Cluster:
         text = (self.folder / "jobs").read_text() if (self.folder / "jobs").exists() else ""
         return [(m[1].split(".")[1], m[2]) for m in re.finditer(r" Name=(ilf\.\S+) JobState=(\S+)", text)]
 
-    def lose(self, node):
-        """What a power cut does: its daemon, the daemons of its steps, and what those run are gone."""
-        (pid,) = [int(p) for p in (self.folder / f"slurmd.{node}.pid").read_text().split()]
-        doomed, below = [pid], {}
+    def tasks(self, node):
+        """Processes of a node's jobs, as their environment says."""
+        found = []
         for p in Path("/proc").glob("[0-9]*"):
             try:
-                stat = (p / "stat").read_text()
-                words = (p / "cmdline").read_bytes()
+                words = (p / "environ").read_bytes().split(b"\0")
             except OSError:
                 continue
-            parent = int(stat.rpartition(")")[2].split()[1])
-            below.setdefault(parent, []).append(int(p.name))
-            if "(slurmstepd)" in stat and str(self.folder / node).encode() in self.files(p) + words:
-                doomed.append(int(p.name))
-        for d in doomed:
-            doomed += below.get(d, [])
-        for d in dict.fromkeys(doomed):
+            if b"SLURMD_NODENAME=" + node.encode() in words and f"SLURM_CONF={self.folder}/slurm.conf".encode() in words:
+                found.append(int(p.name))
+        return found
+
+    def lose(self, node):
+        """What a power cut does: its daemon, the daemons of its steps, and what those run are gone."""
+        until(lambda: self.tasks(node), 60)
+        doomed = {int((self.folder / f"slurmd.{node}.pid").read_text()), *self.tasks(node)}
+        for p in list(doomed):
+            try:
+                parent = int(Path(f"/proc/{p}/stat").read_text().rpartition(")")[2].split()[1])
+                if "(slurmstepd)" in Path(f"/proc/{parent}/stat").read_text():
+                    doomed.add(parent)
+            except OSError:
+                continue
+        for d in sorted(doomed):
             try:
                 os.kill(d, signal.SIGKILL)
             except ProcessLookupError:
                 pass
-
-    @staticmethod
-    def files(process):
-        found = b""
-        for f in (process / "fd").glob("*"):
-            try:
-                found += os.readlink(f).encode() + b"\n"
-            except OSError:
-                pass
-        return found
 
 
 @pytest.fixture(scope="module")
