@@ -59,6 +59,11 @@ done
     mkdir -p "$(dirname "$dest/share/ilf/python/$f")"
     put 644 "python/$f" "$dest/share/ilf/python/$f"
 done
+# programs in Python: their parts; what is in bin finds them
+for f in tools/ilfstage/*.py; do
+    mkdir -p "$dest/share/ilf/programs/ilfstage"
+    put 644 "$f" "$dest/share/ilf/programs/ilfstage/$(basename "$f")"
+done
 put 644 LICENSE "$doc/LICENSE"
 [ ! -f "$build/radiance/src/License.txt" ] || put 644 "$build/radiance/src/License.txt" "$doc/Radiance-License.txt"
 for f in "$build0"/doc/*; do [ ! -f "$f" ] || put 644 "$f" "$doc/$(basename "$f")"; done

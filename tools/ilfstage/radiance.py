@@ -1,0 +1,46 @@
+"""Radiance's programs: run, and their words made one line."""
+import os
+import shutil
+import subprocess
+
+import numpy as np
+
+from .errors import Bad
+
+
+def environment():
+    """Where our programs and their function files are; the launcher says in front of which others."""
+    return dict(os.environ, LC_ALL="C")
+
+
+def run(*words, data=b"", cwd=None):
+    """What a program writes; raises Bad with its own words."""
+    if not shutil.which(str(words[0]), path=environment().get("PATH")):
+        raise Bad(f"{words[0]}: expected this program of Radiance's on PATH, found none")
+    p = subprocess.run([str(w) for w in words], input=data, capture_output=True, cwd=cwd, env=environment())
+    if p.returncode:
+        said = p.stderr.decode("utf-8", "replace").strip().splitlines()
+        raise Bad(f"{words[0]}: {' '.join(said[-1].split()) if said else f'ended with status {p.returncode}'}")
+    return p.stdout
+
+
+def oconv(folder, name, *files, frozen=False):
+    """An octree in `folder`; its name."""
+    (folder / name).write_bytes(run("oconv", *(["-f"] if frozen else []), *files, cwd=folder))
+    return name
+
+
+def rays(points, directions):
+    """(n, 6) float64, as bytes."""
+    return np.ascontiguousarray(np.concatenate(np.broadcast_arrays(points, directions), -1).reshape(-1, 6), np.float64).tobytes()
+
+
+def row(*values):
+    return " ".join(f"{x:.9g}" for x in np.ravel(values))
+
+
+def write_mesh(path, vertices, triangles):
+    """A Wavefront OBJ."""
+    with open(path, "w") as f:
+        np.savetxt(f, vertices, "v %.9g %.9g %.9g")
+        np.savetxt(f, triangles + 1, "f %d %d %d")
