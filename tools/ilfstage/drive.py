@@ -37,11 +37,11 @@ class Part:
         self.y = None
 
     def set_ridge(self, ridge):
-        self.problem = solve.Problem(self.R, self.top, ridge * self.effect)
+        self.problem = solve.Problem(self.R, self.top, ridge * self.effect, ridge)
 
     def fit(self, b, price=None, top=None):
         """x of this part's channels.  price: (k,) of all channels, the l of solve; top: limits in place of those given."""
-        p = self.problem if top is None else solve.Problem(self.R, top[self.channels], self.problem.G)
+        p = self.problem if top is None else solve.Problem(self.R, top[self.channels], self.problem.G, self.problem.ridge)
         x, y, gap = solve.solve(p, self.Q.T @ b[self.rows], None if price is None else price[self.channels], self.y)
         self.y = y
         return x, gap

@@ -17,26 +17,26 @@ ENOUGH = 1e-12      # of |b|^2, for the gap
 
 @dataclass(eq=False)
 class Problem:
-    """What stays the same from frame to frame.  A: (m, n); top: (n,), may be infinite; G: (n,)."""
+    """What stays the same from frame to frame.  A: (m, n), best in Fortran's order; top: (n,), may be infinite; G: (n,), `ridge` times each column's own square."""
     A: np.ndarray
     top: np.ndarray
     G: np.ndarray
+    ridge: float
 
-    def primal(self, x, b, l):
-        r = self.A @ x - b
-        return r @ r / 2 + self.G @ (x * x) / 2 + l @ x
+    def x_at(self, z):
+        """x where A'y - l is z."""
+        return np.clip(z / self.G, 0, self.top)
 
-    def dual(self, y, b, l):
-        """(negative dual value, x): its gradient is y - b + A x."""
-        z = y @ self.A - l
-        x = np.clip(z / self.G, 0, self.top)
-        return y @ y / 2 - b @ y + z @ x - self.G @ (x * x) / 2, x
+    def sent(self, x):
+        """A x, of which most are 0."""
+        on = np.flatnonzero(x)
+        return self.A[:, on] @ x[on]
 
 
-def newton_step(p, y, b, x):
-    """The step that the quadratic at hand asks for: (1 + F F')^-1 of the slope, by the smaller side of F."""
-    free = (x > 0) & (x < p.top)
-    F, down = p.A[:, free] / np.sqrt(p.G[free]), b - y - p.A @ x
+def newton_step(p, x, down):
+    """The step that the quadratic at hand asks for: (1 + F F')^-1 `down`, by the smaller side of F."""
+    free = np.flatnonzero((x > 0) & (x < p.top))
+    F = p.A[:, free] / np.sqrt(p.G[free])
     few = F.shape[1] < F.shape[0]
     H = F.T @ F if few else F @ F.T
     H[np.diag_indices_from(H)] += 1
@@ -46,23 +46,41 @@ def newton_step(p, y, b, x):
     return cho_solve(factor, down, check_finite=False)
 
 
+def length_of_step(p, b, y, z, step, dz):
+    """Where the dual value is least along a step: its slope there rises from below 0, and is a sum of straight pieces."""
+    def slope(t):
+        return step @ (y + t * step - b) + dz @ p.x_at(z + t * dz)
+    low, high = 0., 1.
+    if slope(high) <= 0:
+        return high
+    for _ in range(30):
+        middle = (low + high) / 2
+        if slope(middle) > 0:
+            high = middle
+        else:
+            low = middle
+        if high - low < .05 * high:
+            break
+    return low or high / 2
+
+
 def descend(p, b, l, y):
-    """(x, y, gap) from a start y: Newton's method with a line search, to the end or as far as it gets."""
-    scale = max(b @ b, 1e-300)
-    value, x = p.dual(y, b, l)
+    """(x, y, gap) from a start y: Newton's method, to the end or as far as it gets."""
+    scale, z, last = max(b @ b, 1e-300), y @ p.A - l, np.inf
     for _ in range(STEPS):
-        if p.primal(x, b, l) + value <= ENOUGH * scale:
+        x = p.x_at(z)
+        sent = p.sent(x)
+        own = p.G @ (x * x) / 2
+        value = y @ y / 2 - b @ y + z @ x - own
+        gap = (sent - b) @ (sent - b) / 2 + own + l @ x + value
+        if gap <= ENOUGH * scale or not value < last:
             break
-        step = newton_step(p, y, b, x)
-        slope, t = step @ (y - b + p.A @ x), 1.
-        new, new_x = p.dual(y + step, b, l)
-        while new > value + 1e-4 * t * slope and t > 1e-8:
-            t /= 2
-            new, new_x = p.dual(y + t * step, b, l)
-        if t <= 1e-8:
-            break
-        y, value, x = y + t * step, new, new_x
-    return x, y, max(0., p.primal(x, b, l) + value)
+        last = value
+        step = newton_step(p, x, b - y - sent)
+        dz = step @ p.A
+        t = length_of_step(p, b, y, z, step, dz)
+        y, z = y + t * step, z + t * dz
+    return x, y, max(0., gap)
 
 
 def solve(p, b, l=None, y=None):
@@ -76,10 +94,10 @@ def solve(p, b, l=None, y=None):
         x, end, gap = descend(p, b, l, y)
         if gap <= 1e-9 * scale:
             return x, end, gap / scale
-    y, least = np.zeros(len(b)), np.median(p.G / np.maximum((p.A * p.A).sum(0), 1e-300))
+    y, least = np.zeros(len(b)), p.ridge
     for more in (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7):
         if more > 2 * least:
-            _, y, _ = descend(Problem(p.A, p.top, p.G * (more / least)), b, l, y)
+            _, y, _ = descend(Problem(p.A, p.top, p.G * (more / least), more), b, l, y)
     x, y, gap = descend(p, b, l, y)
     return x, y, gap / scale
 
@@ -88,4 +106,4 @@ def compressed(A):
     """(Q (m, r), R (r, n)) with A = Q R to 1e-6 of its greatest singular value: fewer rows for the same problem."""
     w, V = np.linalg.eigh(A @ A.T)
     keep = w > 1e-12 * max(w[-1], 1e-300)
-    return V[:, keep], V[:, keep].T @ A
+    return V[:, keep], np.asfortranarray(V[:, keep].T @ A)
