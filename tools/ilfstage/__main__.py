@@ -9,13 +9,14 @@ def version():
     return os.environ.get("ILFSTAGE_VERSION", "0.1.0")
 
 
-def limit_threads(n):
-    """Before numpy comes in: its linear algebra takes its threads from the environment."""
+def one_thread_for_algebra():
+    """Before numpy comes in: the problems are small, and threads would wait for each other.  (--threads is for lookups in light fields.)"""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, str(n))
+        os.environ.setdefault(name, "1")
 
 
 def main(words):
+    one_thread_for_algebra()
     try:
         from . import options
         from .errors import Bad, Usage

@@ -6,7 +6,7 @@ import numpy as np
 from . import solve
 
 DOWN = (1e-4, 1e-5, 1e-6)
-NEARER = 2e-4       # a ridge is small enough when a tenth of it makes errors smaller by no more
+NEARER = 2e-5, .01  # a ridge is small enough when a tenth of it makes errors smaller by no more, or by no more than this part of them
 LADDER = (1e-6, 1e-5, 1e-4, 4e-4, 1e-3, 4e-3, 1e-2, 4e-2)
 RISE = .025         # of the error, that noise in the matrix may bring (the aim is 3 points)
 
@@ -114,7 +114,7 @@ def small_enough(fitter, wanted):
     for k, ridge in enumerate(DOWN):
         fitter.set_ridge(ridge)
         now = np.array([fitter.error(fitter.fit(b)[0], b) for b in wanted])
-        if np.max(last - now) <= NEARER:
+        if np.all(last - now <= np.maximum(NEARER[0], NEARER[1] * now)):
             return DOWN[k - 1]
         last = now
     return DOWN[-1]

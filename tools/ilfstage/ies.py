@@ -108,7 +108,7 @@ def read(path):
     kind = n.count("photometric type", 1, 3)
     if kind != 1:
         raise Bad(f"{path}: expected photometry of type C (1), found type {' CBA'[kind]} ({kind})")
-    n.take(5, "units, width, length, height")[0]
+    n.take(4, "units, width, length, height")
     factor *= np.prod(n.take(3, "ballast factor, watts")[:2])
     theta, phi = n.take(n_theta, "vertical angles"), n.take(n_phi, "horizontal angles")
     candela = n.take(n_theta * n_phi, "candela values").reshape(n_phi, n_theta) * factor
@@ -127,10 +127,6 @@ def checked(path, theta, phi, candela):
         raise Bad(f"{path}: expected candela of 0 or more, found {candela.min():g}")
     if candela.max() == 0:
         raise Bad(f"{path}: expected some light, found none")
-    return Beam(*whole_beam(path, theta, phi, candela))
-
-
-def whole_beam(path, theta, phi, candela):
     phi, candela = unfolded(path, phi, candela)
     theta, candela = whole_sphere(theta, candela)
-    return theta, phi, candela
+    return Beam(theta, phi, candela)

@@ -140,7 +140,7 @@ class Reader:
         except UnicodeDecodeError:
             raise Bad(f"{path}: expected a text, found other bytes") from None
         except tomllib.TOMLDecodeError as e:
-            raise Bad(f"{path}: expected TOML, found: {' '.join(str(e).split())}") from None
+            raise Bad(f"{path}: expected TOML (numbers begin with a digit: 0.1), found: {' '.join(str(e).split())}") from None
         unit = self.top.take("unit", str, "a unit of length", "m")
         if unit not in UNITS:
             raise self.top.bad(f"unit: expected {', '.join(UNITS)}, found '{unit}'")

@@ -53,7 +53,7 @@ def cones(field, at):
     for lamp in field.lamps:
         to = field.frame.to_scene(lamp.centre) - at
         far = np.linalg.norm(to, axis=1)
-        sine = np.minimum(lamp.extent * 1.001 / far, 1)
+        sine = np.minimum(lamp.extent / far, 1)
         cosine, axis = np.sqrt(1 - sine * sine), to / far[:, None]
         a = np.cross(np.where(np.abs(axis[:, 2:]) < .9, [0, 0, 1.], [1., 0, 0]), axis)
         a /= np.linalg.norm(a, axis=1, keepdims=True)
