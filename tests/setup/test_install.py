@@ -56,7 +56,7 @@ def shell(tree, text, cwd, raypath=True):
     return execute(["sh", "-euc", text], cwd=cwd, env=env, capture_output=True, text=True)
 
 
-OURS = "hdrgen fishremap falloffcal ilfpack ilfinfo ilftrace stagectl virtualstage virtualcamera ilflamps ilfdepth ilfview".split()
+OURS = "hdrgen fishremap falloffcal ilfpack ilfinfo ilftrace stagectl virtualstage virtualcamera ilflamps ilfdepth ilfview ilfstage".split()
 
 
 def test_all_that_make_builds_is_installed(installed):

@@ -11,10 +11,10 @@ import numpy as np
 from . import lamps, radiance
 from .outputs import whole
 
-SIZE, MOST = 144, 6
+SIZE, MOST = 144, 5
 GREY = "void plastic thing 0 0 5 .6 .6 .6 0 0\n"
 VIEW = np.array([.25, -1., .35])        # from where the thing is looked at
-WANTED = "-ab 1 -ad 1024 -as 256 -aa .1 -ar 64 -st 0 -di 64".split()
+WANTED = "-ab 1 -ad 256 -as 64 -aa .15 -ar 32 -st 0 -di 32".split()
 STAGED = "-ab 0 -dt 0 -dc 1 -dj 0 -ds .05 -st 0 -di 0".split()
 
 
