@@ -2,7 +2,7 @@
 import os
 import sys
 
-from .options import PROGRAM
+from . import PROGRAM
 
 
 def version():

@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from . import PROGRAM
 from .errors import Usage
 
-PROGRAM = "ilfstage"
 WIDTH, TEXT_AT = 80, 28
 
 
