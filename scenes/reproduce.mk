@@ -14,7 +14,7 @@ reproduce_figure12 := $(B0)/figures/figure12/room.ilf.exr
 reproduce_demo     := $(B0)/demo/room.ilf.exr
 # through the pools of light and the shadows of figures 11 and 12, and from one pool to the other
 REPRODUCE_PATH   := 0 -.30 -.20 0|2 0 0 0|4 .30 .20 0
-REPRODUCE_FPS    ?= 2.5
+REPRODUCE_FPS    ?= 2
 REPRODUCE_SETS   := $(foreach s,$(REPRODUCE_STAGES),$(foreach f,$(REPRODUCE_FIELDS),$(s)-$(f)))
 REPRODUCE_RUN     = $(ILF_ENV) ilfstage --quiet --path $(REPRODUCE)/path.txt --fps $(REPRODUCE_FPS) --exposure auto
 STAGE_PARTS      := $(wildcard tools/ilfstage/*.py) $(B0)/bin/ilfstage

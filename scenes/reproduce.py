@@ -20,8 +20,8 @@ def ilfstage(folder, stage, field, name, *options):
     """Its report, computed once."""
     out = folder / f"{name}.json"
     if not out.exists():
-        subprocess.run(["ilfstage", "--quiet", "--path", folder / "path.txt", "--fps", "1", "--exposure", "auto", "--noise", "0", "--report", out, *map(str, options), stage, field],
-                       check=True, stdout=subprocess.DEVNULL)
+        usual = ["--quiet", "--path", folder / "path.txt", "--fps", "1", "--exposure", "auto", "--noise", "0"]
+        subprocess.run(["ilfstage", *usual, "--report", out, *map(str, options), stage, field], check=True, stdout=subprocess.DEVNULL)
     return json.loads(out.read_text())
 
 
@@ -68,12 +68,14 @@ def draw(path, found):
 def table(folder, path, found):
     with open(path, "w", newline="") as f:
         w = csv.writer(f)
-        w.writerow("run,lights,channels,error,bound_not_negative,bound_unconstrained,rise_by_noise,ball_rmse,mesh_rmse,cpu_matrix,cpu_frame,exposure".split(","))
+        w.writerow("run lights_used channels error bound_not_negative bound_unconstrained rise_by_noise ball_rmse mesh_rmse cpu_matrix cpu_frame "
+                   "exposure".split())
         for p in sorted(folder.glob("*-*.json")):
             r = json.loads(p.read_text())
             mean = lambda k: sum(r["picture"][k]) / len(r["picture"][k]) if k in r.get("picture", {}) else ""        # noqa: E731
-            w.writerow([p.stem, r["lights_used"], r["channels"], r["error"], r["bound_not_negative"], r["bound_unconstrained"], r["rise_by_noise"], mean("ball"), mean("mesh"),
-                        r["cpu_seconds"]["matrix"], r["cpu_seconds"]["frame"], r["exposure"]])
+            errors = [r[k] for k in ("error", "bound_not_negative", "bound_unconstrained", "rise_by_noise")]
+            cpu = [r["cpu_seconds"][k] for k in ("matrix", "frame")]
+            w.writerow([p.stem, r["lights_used"], r["channels"], *errors, mean("ball"), mean("mesh"), *cpu, r["exposure"]])
 
 
 def main():

@@ -1,11 +1,11 @@
 """Virtual stages, as files for ilfstage.
 
-    generate.py sphere156 -o sphere156.toml      156 lights on a sphere (Debevec and others 2002: a geodesic dome's vertices and edges' middles, without the lowest)
+    generate.py sphere156 -o sphere156.toml      156 lights on a sphere (Debevec and others 2002: those of a geodesic dome without the lowest)
     generate.py sphere29 -o sphere29.toml        29 lights on a sphere (as many as Jones and others 2006 had)
     generate.py wall -o wall.toml                an LED wall of 64 x 32 patches, 4 x 2 m, 1.5 m from the subject, and a ceiling of 8 x 8 panels
 
-Lengths in metres, the subject at the origin.  Lamps are R, G, B; `--white` adds a fourth primary.  How bright they are: --irradiance E, W/m2 of R, G and B each at the subject from a lamp
-of the spheres at full drive; the wall's patches have a radiance (--radiance L, W/(sr m2)).
+Lengths in metres, the subject at the origin.  Lamps are R, G, B; `--white` adds a fourth primary.  How bright they are: --irradiance E, W/m2 of R, G
+and B each at the subject from a lamp of the spheres at full drive; the wall's patches have a radiance (--radiance L, W/(sr m2)).
 """
 import argparse
 import math
@@ -25,7 +25,8 @@ def geodesic(times):
     """Points of an icosahedron whose triangles are cut into times x times, on the sphere."""
     corners = [p for s in (1, -1) for t in (PHI, -PHI) for p in ((0, s, t), (s, t, 0), (t, 0, s))]
     near = lambda a, b: abs(math.dist(a, b) - 2) < 1e-6                   # noqa: E731
-    faces = [(a, b, c) for i, a in enumerate(corners) for j, b in enumerate(corners[:i]) for c in corners[:j] if near(a, b) and near(a, c) and near(b, c)]
+    faces = [(a, b, c) for i, a in enumerate(corners) for j, b in enumerate(corners[:i]) for c in corners[:j]
+             if near(a, b) and near(a, c) and near(b, c)]
     found = {}
     for a, b, c in faces:
         for i in range(times + 1):

@@ -15,14 +15,19 @@ def one_thread_for_algebra():
         os.environ.setdefault(name, "1")
 
 
+def lacks(e):
+    print(f"{PROGRAM}: expected Python with numpy, scipy and cffi (make build/venv/.packages, or ILF_PYTHON=...), found: {' '.join(str(e).split())}",
+          file=sys.stderr)
+    return 1
+
+
 def main(words):
     one_thread_for_algebra()
     try:
         from . import options
         from .errors import Bad, Usage
     except ImportError as e:
-        print(f"{PROGRAM}: expected Python with numpy, scipy and cffi (make build/venv/.packages, or ILF_PYTHON=...), found: {e}", file=sys.stderr)
-        return 1
+        return lacks(e)
     if "--help" in words or "--version" in words:
         sys.stdout.write(options.help_text() if "--help" in words else f"{PROGRAM} {version()}\n")
         return 0
@@ -42,8 +47,7 @@ def main(words):
         print(f"{PROGRAM}: {e}", file=sys.stderr)
         return 1
     except ImportError as e:
-        print(f"{PROGRAM}: expected Python with numpy, scipy and cffi (make build/venv/.packages, or ILF_PYTHON=...), found: {' '.join(str(e).split())}", file=sys.stderr)
-        return 1
+        return lacks(e)
     except (MemoryError, OSError) as e:
         print(f"{PROGRAM}: {' '.join(str(e).split()) or 'not enough memory'}", file=sys.stderr)
         return 1

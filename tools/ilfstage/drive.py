@@ -50,8 +50,8 @@ class Part:
 class Fitter:
     """Fits of many frames to one matrix.
 
-    A : (s, 3, k), what a channel at full drive does; weight : (s,), sum 1; low, high : (k,) ranges; ridge : number, as a part of each channel's own effect.
-    Without a place among `only` (k,) bool a channel is kept at its low end.
+    A : (s, 3, k), what a channel at full drive does; weight : (s,), sum 1; low, high : (k,) ranges; ridge : number, as a part of each channel's own
+    effect.  Without a place among `only` (k,) bool a channel is kept at its low end.
     """
 
     def __init__(self, A, weight, low, high, ridge, only=None):
@@ -133,7 +133,8 @@ def ridge_for(A, weight, low, high, wanted, noise):
 def few_lights(fitter, wanted, owner, most):
     """(k,) bool: channels of `most` lights.  owner: (k,) number of the light that a channel belongs to.
 
-    Each light has a price by the output it was used with before (reweighted L1): what is used little is dear.  The price goes up until so few are left.
+    Each light has a price by the output it was used with before (reweighted L1): what is used little is dear.  The price goes up until so few are
+    left.
     """
     effect = np.sqrt((fitter.flat ** 2).sum(0))
     scale = max(np.linalg.norm(fitter.weighted(b)) for b in wanted)
@@ -194,7 +195,8 @@ class Coding:
         return np.clip(np.round(np.maximum(x, 0) ** (1 / self.gamma) * self.top), self.low, self.high).astype(int)
 
     def settled(self, codes, b, effect, together):
-        """Codes, moved one step here and there as long as that brings the sum of all lights nearer to what is wanted: rounding each by itself adds up their errors.
+        """Codes, moved one step here and there as long as that brings the sum of all lights nearer to what is wanted: rounded each by itself, their
+        errors add up.
 
         b: (k,) of A'b, effect: (k,) of |a|^2, together: (k, k) of A'A.
         """

@@ -54,6 +54,7 @@ class Job:
         self.field = opened(given.files[1])
         self.places = self.where()
         self.match = self.what()
+        self.note_what_is_outside()
         self.spent = {}
 
     # ---- inputs ----
@@ -84,6 +85,15 @@ class Job:
             self.shown = v * unit, t
         return match.towards(m, g.camera) if g.camera is not None else m
 
+    def note_what_is_outside(self):
+        """The subject's place is in the field, but it has an extent."""
+        frame = self.field.frame
+        p = np.concatenate([frame.to_field(q.at + self.match.points @ q.turn / self.stage.unit) for q in self.places])
+        beside = (p[:, :2] < -1e-6).any(1) | (p[:, 0] > frame.len_u + 1e-6) | (p[:, 1] > frame.len_v + 1e-6)
+        if beside.any() or (p[:, 2] < -1e-6).any():
+            self.note(f"{100 * beside.mean():.0f} % of the points lie beside the sampled rectangle (the nearest probes' light goes on), "
+                      f"{100 * (p[:, 2] < -1e-6).mean():.0f} % below its plane")
+
     def timed(self, name, work):
         begun = time.process_time() + sum(self.children())
         result = work()
@@ -101,7 +111,8 @@ class Job:
     def run(self):
         g, channels = self.given, self.stage.channels
         self.matrix = self.timed("matrix", lambda: matrix.of(self.stage, self.match, self.measured, g.matrix))
-        self.note(f"matrix of {len(self.match.points)} x 3 to {len(channels)}: " + (f"{self.spent['matrix']:.1f} CPU seconds" if self.matrix.fresh else f"from {g.matrix}"))
+        came = f"{self.spent['matrix']:.1f} CPU seconds" if self.matrix.fresh else f"from {g.matrix}"
+        self.note(f"matrix of {len(self.match.points)} x 3 to {len(channels)}: {came}")
         if not self.matrix.A.any():
             raise Bad(f"{g.files[0]}: expected lights that reach the subject, found none that does")
         wanted = self.timed("wanted", self.wanted_light)
@@ -111,7 +122,8 @@ class Job:
         best, outputs, codes = self.timed("drive", lambda: self.driven(fitter, wanted))
         coded = self.coding.output(codes)
         alone = best if fitter is whole_fitter else [None] * len(best)
-        frames = self.timed("bounds", lambda: [report.Frame(*f) for f in zip(self.places, repeat(fitter), wanted, outputs, coded, repeat(whole_fitter), alone)])
+        each = zip(self.places, repeat(fitter), wanted, outputs, coded, repeat(whole_fitter), alone)
+        frames = self.timed("bounds", lambda: [report.Frame(*f) for f in each])
         return self.told(frames, whole_fitter, codes, coded)
 
     def measured(self, channel, seen):
@@ -181,9 +193,11 @@ class Job:
 
     def told(self, frames, fitter, codes, coded):
         g = self.given
-        n = len(frames)
-        info = {"stage": str(g.files[0]), "field": str(g.files[1]), "ridge": self.ridge, "noise": g.noise / 100, "rise_by_noise": self.rise, "exposure": self.exposure,
-                "cpu_seconds": {**self.spent, "frame": (self.spent["wanted"] + self.spent["drive"]) / n, "frame_with_bounds": (self.spent["wanted"] + self.spent["drive"] + self.spent["bounds"]) / n}}
+        n, cpu = len(frames), self.spent
+        cpu["frame"] = (cpu["wanted"] + cpu["drive"]) / n
+        cpu["frame_with_bounds"] = cpu["frame"] + cpu["bounds"] / n
+        info = {"stage": str(g.files[0]), "field": str(g.files[1]), "ridge": self.ridge, "noise": g.noise / 100, "rise_by_noise": self.rise,
+                "exposure": self.exposure, "cpu_seconds": cpu}
         tree = report.contents(frames, self.stage, self.match, fitter, report.colours_of(self.matrix.A), codes, self.coding, info)
         channels = self.stage.channels
         if g.dmx is not None:

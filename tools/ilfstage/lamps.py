@@ -1,7 +1,7 @@
 """A stage's lamps as Radiance has them, in metres: each with a radiant intensity of 1 W/sr in its brightest direction, in R, G and B.
 
-A lamp with a cosine's power is a flat face (ring, or rectangle) of radiance cos(t)^(power-1) / area: intensity cos(t)^power.  One with an IES file is a ball as wide as its
-face, of radiance I(direction) / projected area, so that it may shine to all sides.
+A lamp with a cosine's power is a flat face (ring, or rectangle) of radiance cos(t)^(power-1) / area: intensity cos(t)^power.  One with an IES file
+is a ball as wide as its face, of radiance I(direction) / projected area, so that it may shine to all sides.
 """
 import numpy as np
 
@@ -55,7 +55,8 @@ def data_text(beam):
 
 
 def write(folder, lights, intensity=None, name="lights.rad"):
-    """lights.rad with what it reads, materials L0, L1 ... in the order of `lights`.  intensity: (n, 3) W/sr, 1 if not given; lamps of 0 are left out."""
+    """lights.rad with what it reads, materials L0, L1 ... in the order of `lights`.  intensity: (n, 3) W/sr, 1 if not given; lamps of 0 are left
+    out."""
     (folder / "stage.cal").write_text(CAL)
     data = {}
     for light in lights:

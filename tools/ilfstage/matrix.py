@@ -56,7 +56,8 @@ def contributions(folder, stage, lights, match, subject):
         others = ["scene.rad"]
     octree = radiance.oconv(folder, "stage.oct", "lights.rad", *others, *subject)
     bounced = ["-ab", stage.bounces, "-ad", 1024] if stage.bounces else ["-ab", 0]
-    out = radiance.run("rcontrib", "-h", "-us", 1, "-fdf", *OPTIONS, *bounced, "-M", "names", octree, cwd=folder, data=radiance.rays(match.points, match.normals))
+    out = radiance.run("rcontrib", "-h", "-us", 1, "-fdf", *OPTIONS, *bounced, "-M", "names", octree, cwd=folder,
+                       data=radiance.rays(match.points, match.normals))
     return np.frombuffer(out, np.float32).reshape(len(match.points), len(lights), 3).astype(float).transpose(0, 2, 1)
 
 
@@ -74,6 +75,8 @@ def sight(folder, match, subject):
 def digest(stage, match):
     """Of everything that the matrix comes from, Radiance's own programs among it."""
     h = hashlib.sha256(f"{RULES} {OPTIONS} {stage.unit} {stage.bounces}".encode())
+    for program in ("rcontrib", "rtrace"):
+        h.update(hashlib.sha256(radiance.found(program).read_bytes()).digest())
     for path in (stage.path, *stage.reads):
         h.update(hashlib.sha256(Path(path).read_bytes()).digest())
     if stage.scene:     # what it reads in its turn

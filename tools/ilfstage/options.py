@@ -150,7 +150,8 @@ def parse(words):
         if not word.startswith("-") or word == "-":
             given.files.append(word)
             continue
-        name, equals, text = word[2:].partition("=") if word.startswith("--") else (next((o.name for o in TABLE if o.letter == word[1:2]), ""), "", "")
+        short = next((o.name for o in TABLE if o.letter == word[1:2]), "")
+        name, equals, text = word[2:].partition("=") if word.startswith("--") else (short, "", "")
         o = by_name.get(name)
         if o is None:
             raise Usage(f"unknown option {word.partition('=')[0]}")

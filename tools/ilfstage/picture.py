@@ -11,7 +11,7 @@ import numpy as np
 from . import lamps, radiance
 from .outputs import whole
 
-SIZE, MOST = 144, 5
+SIZE, MOST = 96, 4
 GREY = "void plastic thing 0 0 5 .6 .6 .6 0 0\n"
 VIEW = np.array([.25, -1., .35])        # from where the thing is looked at
 WANTED = "-ab 1 -ad 256 -as 64 -aa .15 -ar 32 -st 0 -di 32".split()
@@ -40,7 +40,8 @@ def drawn(folder, octree, middle, radius, options):
     """A picture, linear RGB, at twice its size and halved."""
     d = VIEW / np.linalg.norm(VIEW)
     view = ["-vtl", "-vp", *(middle + 2 * radius * d), "-vd", *(-d), "-vu", 0, 0, 1, "-vh", 2.1 * radius, "-vv", 2.1 * radius, "-va", 4 * radius]
-    (folder / "big.hdr").write_bytes(radiance.run("rpict", "-us", 1, *view, "-x", 2 * SIZE, "-y", 2 * SIZE, "-ps", 1, "-pj", 0, "-w", *options, octree, cwd=folder))
+    big = "-x", 2 * SIZE, "-y", 2 * SIZE, "-ps", 1, "-pj", 0
+    (folder / "big.hdr").write_bytes(radiance.run("rpict", "-us", 1, "-w", *view, *big, *options, octree, cwd=folder))
     (folder / "small.hdr").write_bytes(radiance.run("pfilt", "-1", "-x", "/2", "-y", "/2", "big.hdr", cwd=folder))
     return decoded(radiance.run("pvalue", "-h", "-df", "small.hdr", cwd=folder))
 

@@ -2,6 +2,7 @@
 import os
 import shutil
 import subprocess
+from pathlib import Path
 
 import numpy as np
 
@@ -13,10 +14,17 @@ def environment():
     return dict(os.environ, LC_ALL="C")
 
 
+def found(program):
+    """Where a program is; raises Bad."""
+    path = shutil.which(str(program), path=environment().get("PATH"))
+    if not path:
+        raise Bad(f"{program}: expected this program of Radiance's on PATH, found none")
+    return Path(path)
+
+
 def run(*words, data=b"", cwd=None):
     """What a program writes; raises Bad with its own words."""
-    if not shutil.which(str(words[0]), path=environment().get("PATH")):
-        raise Bad(f"{words[0]}: expected this program of Radiance's on PATH, found none")
+    found(words[0])
     p = subprocess.run([str(w) for w in words], input=data, capture_output=True, cwd=cwd, env=environment())
     if p.returncode:
         said = p.stderr.decode("utf-8", "replace").strip().splitlines()

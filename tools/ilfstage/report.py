@@ -25,15 +25,16 @@ def out_of_gamut(colours, wanted):
 
 def direction_words(n):
     """A direction in words for a reader who looks along +y, z up."""
-    names = [("right" if n[0] > 0 else "left", abs(n[0])), ("back" if n[1] > 0 else "front", abs(n[1])), ("above" if n[2] > 0 else "below", abs(n[2]))]
+    sides = ("left", "right"), ("front", "back"), ("below", "above")
+    names = [(pair[int(x > 0)], abs(x)) for pair, x in zip(sides, n)]
     return " ".join(w for w, x in sorted(names, key=lambda p: -p[1]) if x > .38)
 
 
 class Frame:
     """The errors of one frame, parts of the root mean square of what is wanted.
 
-    bound: of the best drive values of all, below 0 too; positive: of any at or above 0; limited: within the ranges; fitted: with few lights and smooth;
-    reached: as coded.
+    bound: of the best drive values of all, below 0 too; positive: of any at or above 0; limited: within the ranges; fitted: with few lights and
+    smooth; reached: as coded.
     """
 
     def __init__(self, place, fitter, wanted, fitted, coded, whole, best=None):
@@ -63,7 +64,8 @@ def shares(frames):
     def mean(name):
         return float(np.mean([getattr(f, name) ** 2 for f in frames]))
     steps = [mean(n) for n in ("bound", "positive", "limited", "fitted", "reached")]
-    names = ("directions_and_colours_without_light", "light_would_have_to_be_negative", "lights_at_their_limits", "few_lights_and_smoothness", "coding")
+    names = ("directions_and_colours_without_light", "light_would_have_to_be_negative", "lights_at_their_limits", "few_lights_and_smoothness",
+             "coding")
     return dict(zip(names, [steps[0], *(b - a for a, b in zip(steps, steps[1:]))]))
 
 
@@ -72,7 +74,8 @@ def rms(frames, name):
 
 
 def unreached(frames, match, fitter, colours):
-    """The sensors' reasons, over all frames: which can't be bright enough with all lights full, which colours nobody can mix, where most is missing."""
+    """The sensors' reasons, over all frames: which can't be bright enough with all lights full, which colours nobody can mix, where most is
+    missing."""
     full = np.einsum("sck,k->sc", fitter.A, fitter.high) / fitter.weight @ LUMINANCE
     wanted = np.stack([f.wanted @ LUMINANCE for f in frames]).max(0)
     weak = np.flatnonzero(wanted > full * 1.001 + 1e-12)
@@ -81,9 +84,11 @@ def unreached(frames, match, fitter, colours):
     worst = np.argsort(-missing)[:MOST_NAMED]
 
     def named(k):
-        return {"point_m": match.points[k].round(6).tolist(), "normal": match.normals[k].round(6).tolist(), "towards": direction_words(match.normals[k])}
+        n = match.normals[k]
+        return {"point_m": match.points[k].round(6).tolist(), "normal": n.round(6).tolist(), "towards": direction_words(n)}
+    darkest = weak[np.argsort(full[weak] / wanted[weak])][:MOST_NAMED]
     return {
-        "too_dark_with_all_lights_full": [{**named(k), "reachable_part": float(full[k] / wanted[k])} for k in weak[np.argsort(full[weak] / wanted[weak])][:MOST_NAMED]],
+        "too_dark_with_all_lights_full": [{**named(k), "reachable_part": float(full[k] / wanted[k])} for k in darkest],
         "too_dark_with_all_lights_full_number": len(weak),
         "colours_out_of_gamut_number": int((gamut > .01).sum()), "colours_out_of_gamut_worst": float(gamut.max()),
         "largest_errors": [{**named(k), "error": float(missing[k])} for k in worst],
@@ -106,8 +111,8 @@ def contents(frames, stage, match, fitter, colours, codes, coding, info):
         "channels_at_their_upper_limit": {c.title: float(full[:, k].mean()) for k, c in enumerate(channels) if full[:, k].any() and at_top[k] > 0},
         "channels_without_effect": [channels[k].title for k in np.flatnonzero((np.abs(fitter.flat).max(0) == 0))],
         "unreached": unreached(frames, match, fitter, colours),
-        "frames": [{"seconds": f.place.seconds, "at": f.place.at.tolist(), "heading": f.place.heading, "error": f.reached, "error_before_coding": f.fitted,
-                    "bound_not_negative": f.positive, "bound_unconstrained": f.bound} for f in frames],
+        "frames": [{"seconds": f.place.seconds, "at": f.place.at.tolist(), "heading": f.place.heading, "error": f.reached,
+                    "error_before_coding": f.fitted, "bound_not_negative": f.positive, "bound_unconstrained": f.bound} for f in frames],
     }
 
 
@@ -115,34 +120,48 @@ def percent(x):
     return f"{100 * x:.3g} %"
 
 
-def text(r):
-    """The report in words, lines."""
-    yield f"{r['lights']} lights ({r['lights_used']} used), {r['channels']} channels; {r['sensors']} {'directions' if r['match'] == 'sphere' else 'points and directions'} ({r['match']}), " \
-          f"{len(r['frames'])} frame{'s' if len(r['frames']) > 1 else ''}"
-    yield f"error            {percent(r['error'])} of what is wanted, as coded ({percent(r['error_before_coding'])} before)"
-    yield f"best within ranges {percent(r['error_within_ranges'])}, not below 0 {percent(r['bound_not_negative'])}, unconstrained {percent(r['bound_unconstrained'])}"
-    yield f"ridge            {r['ridge']:g}" + (f": {100 * r['noise']:g} % in the matrix raises the error by {100 * r['rise_by_noise']:.2g} points at most" if r["noise"] else "")
-    if len(r["frames"]) > 1:
-        worst = max(r["frames"], key=lambda f: f["error"])
-        yield f"worst frame      {percent(worst['error'])} at {worst['seconds']:g} s, bound {percent(worst['bound_unconstrained'])}"
-    limited = r["channels_at_their_upper_limit"]
+def line(name, words):
+    return f"{name:<16} {words}"
+
+
+def text_of_limits(r):
+    """Lines about what can't be reached."""
+    limited, u = r["channels_at_their_upper_limit"], r["unreached"]
     if limited:
         names = sorted(limited, key=lambda n: -limited[n])
-        yield f"at their limits  {len(limited)} channels: {', '.join(names[:4])}{' ...' if len(names) > 4 else ''}; {r['would_need_times_the_light']:.3g} times the light would do"
-    u = r["unreached"]
+        yield line("at their limits", f"{len(limited)} channels: {', '.join(names[:4])}{' ...' if len(names) > 4 else ''}; "
+                   f"{r['would_need_times_the_light']:.3g} times the light would do")
     if u["too_dark_with_all_lights_full_number"]:
         first = u["too_dark_with_all_lights_full"][0]
-        yield f"too dark         {u['too_dark_with_all_lights_full_number']} directions with all lights full; {first['towards']}: {percent(first['reachable_part'])} of what is wanted"
+        yield line("too dark", f"{u['too_dark_with_all_lights_full_number']} directions with all lights full; {first['towards']}: "
+                   f"{percent(first['reachable_part'])} of what is wanted")
     if u["colours_out_of_gamut_number"]:
-        yield f"out of gamut     {u['colours_out_of_gamut_number']} directions have colours that no mixture has, by {percent(u['colours_out_of_gamut_worst'])} at most"
+        yield line("out of gamut", f"{u['colours_out_of_gamut_number']} directions have colours that no mixture has, by "
+                   f"{percent(u['colours_out_of_gamut_worst'])} at most")
     total = sum(r["squared_error_by_reason"].values())
     if total > 1e-8:
-        words = ", ".join(f"{n.replace('_', ' ')} {100 * v / total:.0f} %" for n, v in r["squared_error_by_reason"].items() if v / total > .005)
-        yield f"of its square    {words}"
+        shares = [f"{n.replace('_', ' ')} {100 * v / total:.0f} %" for n, v in r["squared_error_by_reason"].items() if v / total > .005]
+        yield line("of its square", ", ".join(shares))
     first = u["largest_errors"][0]
-    yield f"most is missing  {first['towards']}: {percent(first['error'])}"
+    yield line("most is missing", f"{first['towards']}: {percent(first['error'])}")
     if r["channels_without_effect"]:
-        yield f"without effect   {len(r['channels_without_effect'])} channels"
+        yield line("without effect", f"{len(r['channels_without_effect'])} channels")
+
+
+def text(r):
+    """The report in words, lines."""
+    of, n = "directions" if r["match"] == "sphere" else "points and directions", len(r["frames"])
+    yield (f"{r['lights']} lights ({r['lights_used']} used), {r['channels']} channels; {r['sensors']} {of} ({r['match']}), "
+           f"{n} frame{'s' if n > 1 else ''}")
+    yield line("error", f"{percent(r['error'])} of what is wanted, as coded ({percent(r['error_before_coding'])} before)")
+    yield line("at best", f"{percent(r['error_within_ranges'])} within ranges, {percent(r['bound_not_negative'])} not below 0, "
+               f"{percent(r['bound_unconstrained'])} unconstrained")
+    rise = f": {100 * r['noise']:g} % in the matrix raises the error by {100 * r['rise_by_noise']:.2g} points at most" if r["noise"] else ""
+    yield line("ridge", f"{r['ridge']:g}{rise}")
+    if n > 1:
+        worst = max(r["frames"], key=lambda f: f["error"])
+        yield line("worst frame", f"{percent(worst['error'])} at {worst['seconds']:g} s, bound {percent(worst['bound_unconstrained'])}")
+    yield from text_of_limits(r)
 
 
 def write_json(f, tree):

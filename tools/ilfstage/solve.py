@@ -2,9 +2,9 @@
 
     min over 0 <= x <= top of   |A x - b|^2 / 2  +  sum_k G_k x_k^2 / 2  +  sum_k l_k x_k
 
-A is (m, n) with few rows and maybe thousands of columns, G > 0.  Its dual has m unknowns y = b - A x, and is convex and piecewise quadratic: x follows from y by
-x_k = clip((a_k.y - l_k) / G_k, 0, top_k), and Newton's method with a line search ends after a few steps, the fewer the nearer it begins (the frame before).  The duality gap says how
-far from the best the result can be at most.
+A is (m, n) with few rows and maybe thousands of columns, G > 0.  Its dual has m unknowns y = b - A x, and is convex and piecewise quadratic: x
+follows from y by x_k = clip((a_k.y - l_k) / G_k, 0, top_k), and Newton's method with a line search ends after a few steps, the fewer the nearer it
+begins (the frame before).  The duality gap says how far from the best the result can be at most.
 """
 from dataclasses import dataclass
 
@@ -17,7 +17,8 @@ ENOUGH = 1e-12      # of |b|^2, for the gap
 
 @dataclass(eq=False)
 class Problem:
-    """What stays the same from frame to frame.  A: (m, n), best in Fortran's order; top: (n,), may be infinite; G: (n,), `ridge` times each column's own square."""
+    """What stays the same from frame to frame.  A: (m, n), best in Fortran's order; top: (n,), may be infinite; G: (n,), `ridge` times each column's
+    own square."""
     A: np.ndarray
     top: np.ndarray
     G: np.ndarray

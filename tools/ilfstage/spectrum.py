@@ -1,7 +1,7 @@
 """From a spectrum to R, G, B as Radiance has them.
 
-The colour matching functions are the sums of lobes of Wyman, Sloan and Shirley (2013), table 1, CIE 1931; Radiance's primaries are (.640, .330), (.290, .600),
-(.150, .060) with equal energy as white; 179 lm/W.
+The colour matching functions are the sums of lobes of Wyman, Sloan and Shirley (2013), table 1, CIE 1931; Radiance's primaries are (.640, .330),
+(.290, .600), (.150, .060) with equal energy as white; 179 lm/W.
 """
 import numpy as np
 

@@ -1,7 +1,8 @@
 """What a light field asks for: the irradiance at the sensors, about a place in it.
 
-Directions are the field's own texels (finer where those are coarse), each with its solid angle, so that without depth correction the sum is that over the probes themselves.
-A lamp that was taken out of the field (version 2) is small: the cone about it is summed by itself.  What the field knows nothing of, light from below its plane, counts as none.
+Directions are the field's own texels (finer where those are coarse), each with its solid angle, so that without depth correction the sum is that
+over the probes themselves.  A lamp that was taken out of the field (version 2) is small: the cone about it is summed by itself.  What the field
+knows nothing of, light from below its plane, counts as none.
 """
 import numpy as np
 from scipy.spatial import cKDTree
@@ -63,10 +64,12 @@ def cones(field, at):
 
 
 class Target:
-    """irradiance(place): (s, 3), times the match's factor and `exposure`.  unit: metres in a unit of the field; geometry: octree of its surroundings."""
+    """irradiance(place): (s, 3), times the match's factor and `exposure`.  unit: metres in a unit of the field; seen: what a mesh's
+    points see (Matrix); geometry: octree of the field's surroundings."""
 
     def __init__(self, field, match, unit=1., seen=None, geometry=None, exposure=1., threads=None):
-        self.field, self.match, self.unit, self.seen, self.geometry, self.exposure, self.threads = field, match, unit, seen, geometry, exposure, threads
+        self.field, self.match, self.unit, self.seen = field, match, unit, seen
+        self.geometry, self.exposure, self.threads = geometry, exposure, threads
         self.d, self.solid = texels(field)
         self.places, self.which = gathered(match.points, POINTS if match.mesh is not None else None)
         self.normals, self.row = (match.normals, np.arange(len(match.normals))) if seen is not None else self.distinct(match.normals)
