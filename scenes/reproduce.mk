@@ -34,7 +34,7 @@ $(REPRODUCE)/%.toml: scenes/stages/generate.py | $(VENV)/.packages
 define reproduced
 $(REPRODUCE)/$(1)-$(2).json: $(REPRODUCE)/$(1).toml $(reproduce_$(2)) $(REPRODUCE)/path.txt $(STAGE_PARTS) $(MODELS)/statue.obj $(call made_by,rcontrib rtrace rpict oconv obj2mesh) | $(VENV)/.ilf
 	@echo "  reproduce: $(2) by $(1)"
-	@$$(REPRODUCE_RUN) --matrix $(REPRODUCE)/$(1).npz $(if $(filter wall,$(1)),,--picture $$(@:json=png) --show $(MODELS)/statue.obj) \
+	@$$(REPRODUCE_RUN) --matrix $(REPRODUCE)/$(1).npz $(if $(filter sphere156-% sphere29-figure11,$(1)-$(2)),--picture $$(@:json=png) --show $(MODELS)/statue.obj) \
 	    -o $$(@:json=csv) --dmx $$(@:json=artnet) --report $$@ $(REPRODUCE)/$(1).toml $(reproduce_$(2)) >$$(@:json=txt)
 endef
 $(foreach s,$(REPRODUCE_STAGES),$(foreach f,$(REPRODUCE_FIELDS),$(eval $(call reproduced,$(s),$(f)))))

@@ -12,8 +12,8 @@ import sys
 from pathlib import Path
 
 LIGHTS = (8, 15, 29, 60, 156)
-FEW = (4, 8, 16, 32, 64)
-BITS = (8, 10, 12, 14, 16)
+FEW = (4, 16, 64)
+BITS = (8, 10, 12, 16)
 
 
 def ilfstage(folder, stage, field, name, *options):

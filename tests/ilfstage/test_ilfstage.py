@@ -42,6 +42,19 @@ def test_a_field_that_the_stage_made_comes_back(tmp_path):
     assert report["error"] < 2e-3
 
 
+def test_even_light_from_above_by_lamps_all_round(tmp_path):
+    """Half a furnace: many lamps on a sphere come near it, those above the plane alike, those below it out."""
+    p = 3 * spread(80)
+    (tmp_path / "s.toml").write_text(stage_text(p, channels={"w": (30, 30, 30)}))
+    write_field(tmp_path / "f.ilf.exr", lambda d, at: np.ones_like(d), 48, 24)
+    report, drives, _ = inside(tmp_path, "s.toml", "f.ilf.exr", "--normals", 80, "--errors", "e.csv", "--ridge", "4e-2", "--noise", 0)
+    x = np.array([drives[f"l{k}.w"][0] for k in range(80)])
+    up = p[:, 2] / 3
+    assert report["error"] < .03 and x[up < -.3].max() < .15 * x[up > .3].mean() and x[up > .3].std() < .35 * x[up > .3].mean()
+    e = np.loadtxt(tmp_path / "e.csv", delimiter=",", skiprows=1)
+    assert np.allclose(e[:, 7], np.pi * (1 + e[:, 6]) / 2, atol=.01) and abs(30 / 9 * (x * np.maximum(up, 0)).sum() / np.pi - 1) < .03
+
+
 def test_errors_stand_beside_their_bounds(folder):
     report, drives, said = inside(folder, "s.toml", "f.ilf.exr", "--exposure", "auto")
     assert report["bound_unconstrained"] <= report["bound_not_negative"] <= report["error_within_ranges"] <= report["error"] < .12

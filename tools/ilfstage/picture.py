@@ -110,7 +110,7 @@ def draw(path, stage, places, outputs, field, unit, exposure, shown=None, title=
     rows, errors = [], {}
     with tempfile.TemporaryDirectory(prefix="ilfstage") as name:
         folder = Path(name)
-        things = [("ball", *ball(.05))] + ([("mesh", *mesh(folder, *shown))] if shown is not None else [])
+        things = [("ball", *ball(.005))] + ([("mesh", *mesh(folder, *shown))] if shown is not None else [])
         for kind, thing, middle, radius in things:
             where, panes = mask(folder, thing, middle, radius), []
             for t in at:
