@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from ilfstage_util import NOTES, RGB, disc_lamp, inside, lobes, our_programs, outcome, spread, stage_text, unit, write_field  # noqa: F401
 
+import fishremap_util as U
+import ilf
 from conftest import one_line_error, run
 from ilfstage.errors import Bad
 
@@ -132,7 +134,12 @@ def test_measured_lights_and_a_fourth_primary(folder):
     (folder / "measured.toml").write_text('[[measured]]\nname = "a"\nfield = "a.ilf.exr"\n[[measured]]\nname = "b"\nfield = "b.ilf.exr"\nplace = [0, 0, 0]\ndmx = "3.17"\n')
     report, drives, _ = inside(folder, "measured.toml", "mix.ilf.exr")
     assert abs(drives["a.level"][0] - .37) < 1e-3 and abs(drives["b.level"][0] - .8) < 1e-3 and report["error"] < 1e-3
-    (folder / "white.csv").write_text("nm,W\n".replace("nm,W\n", "# nm W/(sr nm)\n") + "380 .02\n780 .02\n")
+    with ilf.open(folder / "b.ilf.exr") as f:
+        U.write_exr(folder / "b.exr", np.asarray(f.probe(0, 0)))                # as a probe, too
+    (folder / "probe.toml").write_text((folder / "measured.toml").read_text().replace("b.ilf.exr", "b.exr"))
+    _, again, _ = inside(folder, "probe.toml", "mix.ilf.exr")
+    assert all(abs(again[k] - drives[k]).max() < 1e-3 for k in drives)
+    (folder / "white.csv").write_text("# nm W/(sr nm)\n380 .02\n780 .02\n")
     (folder / "rgbw.toml").write_text(stage_text(LIGHTS) + '[fixture.lamp.channel.white]\nspectrum = "white.csv"\n')
     assert inside(folder, "rgbw.toml", "f.ilf.exr", "--exposure", .3)[0]["channels"] == 4 * len(LIGHTS)
 

@@ -49,14 +49,18 @@ def test_a_rectangles_edges_lie_as_its_up_says(tmp_path):
 def test_what_is_hidden_and_what_turns_away_gives_nothing(tmp_path):
     """A card before one of three lamps, the second turned away; a grey wall behind the subject gives light with a bounce."""
     p = np.array([(1.5, 0, 0), (-1.5, 0, 0), (0, 1.5, 0)])
-    (tmp_path / "card.rad").write_text("void plastic black 0 0 5 0 0 0 0 0\nblack polygon card 0 0 12  100 -50 -50  100 50 -50  100 50 50  100 -50 50\n"
+    (tmp_path / "card.rad").write_text("void plastic black 0 0 5 0 0 0 0 0\nblack mesh card 1 card.rtm 0 0\n"
                                        "void plastic grey 0 0 5 .5 .5 .5 0 0\ngrey polygon wall 0 0 12  -300 -60 -300  300 -60 -300  300 -60 300  -300 -60 300\n")
+    (tmp_path / "card.obj").write_text("v 100 -50 -50\nv 100 50 -50\nv 100 50 50\nv 100 -50 50\nf 1 2 3 4\n")
+    run("obj2mesh", "card.obj", "card.rtm", cwd=tmp_path)
+    (tmp_path / "stage.oct").write_text("mine")                        # a user's file with a name that we use, too, stays
     m = match.sphere(30)
     for bounces in (0, 1):
         text = stage_text(p * 100, [(0, 0, 0), (-300, 0, 0), (0, 0, 0)], channels={"one": (1, 1, 1)}, size=3, top=f'unit = "cm"\nscene = "card.rad"\nbounces = {bounces}')
         A = matrix_of(tmp_path, text, m)[:, 0]
         front = m.normals[:, 1] < -.5
         assert (bounces or A[:, 1].max() == 0) and A[:, 2].max() > .4
+        assert sorted(f.name for f in tmp_path.iterdir()) == ["card.obj", "card.rad", "card.rtm", "s.toml", "stage.oct"] and (tmp_path / "stage.oct").read_text() == "mine"
         assert A[:, 0].max() == 0 if not bounces else A[:, 0].max() < .2
         assert (A[front, 2] > .02).all() if bounces else (A[front, 2] == 0).all()
 

@@ -44,6 +44,13 @@ def write_subject(folder, match):
     return ["subject.rad"]
 
 
+def lend(folder, source):
+    """What stands beside a scene, its meshes and function files, under the same names in `folder`, where none stands yet."""
+    for path in source.iterdir():
+        if not (folder / path.name).exists():
+            (folder / path.name).symlink_to(path)
+
+
 def contributions(folder, stage, lights, match, subject):
     """C, (s, 3, lamps)."""
     lamps.write(folder, lights)
@@ -54,6 +61,7 @@ def contributions(folder, stage, lights, match, subject):
         moved = ["-s", f"{stage.unit:.9g}"] if stage.unit != 1 else []
         (folder / "scene.rad").write_bytes(radiance.run("xform", "-e", *moved, stage.scene.resolve(), cwd=stage.scene.parent))
         others = ["scene.rad"]
+        lend(folder, stage.scene.resolve().parent)
     octree = radiance.oconv(folder, "stage.oct", "lights.rad", *others, *subject)
     bounced = ["-ab", stage.bounces, "-ad", 1024] if stage.bounces else ["-ab", 0]
     out = radiance.run("rcontrib", "-h", "-us", 1, "-fdf", *OPTIONS, *bounced, "-M", "names", octree, cwd=folder,

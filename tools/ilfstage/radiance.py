@@ -32,9 +32,11 @@ def run(*words, data=b"", cwd=None):
     return p.stdout
 
 
-def oconv(folder, name, *files, frozen=False):
+def oconv(folder, name, *files):
     """An octree in `folder`; its name."""
-    (folder / name).write_bytes(run("oconv", *(["-f"] if frozen else []), *files, cwd=folder))
+    data = run("oconv", *files, cwd=folder)
+    (folder / name).unlink(missing_ok=True)     # it may stand for a file of the user's (matrix.lend)
+    (folder / name).write_bytes(data)
     return name
 
 
