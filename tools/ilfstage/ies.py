@@ -110,6 +110,8 @@ def read(path):
         raise Bad(f"{path}: expected photometry of type C (1), found type {' CBA'[kind]} ({kind})")
     n.take(4, "units, width, length, height")
     factor *= np.prod(n.take(3, "ballast factor, watts")[:2])
+    if not 0 < factor < 1e9:
+        raise Bad(f"{path}: expected a multiplier above 0, found {factor:g}")
     theta, phi = n.take(n_theta, "vertical angles"), n.take(n_phi, "horizontal angles")
     candela = n.take(n_theta * n_phi, "candela values").reshape(n_phi, n_theta) * factor
     if n.at != len(values):

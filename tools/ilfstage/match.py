@@ -43,7 +43,8 @@ def read_obj(path):
         words = line.split()
         try:
             if words[:1] == ["v"]:
-                vertices.append([float(w) for w in words[1:4]])
+                x, y, z = map(float, words[1:4])
+                vertices.append((x, y, z))
             elif words[:1] == ["f"]:
                 corner = [int(w.partition("/")[0]) for w in words[1:]]
                 corner = [c - 1 if c > 0 else len(vertices) + c for c in corner]

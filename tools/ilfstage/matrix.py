@@ -8,6 +8,7 @@ It is kept in a file with a digest of all that it came from.
 """
 import hashlib
 import tempfile
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -117,7 +118,7 @@ def kept(path, key):
             return Matrix(f["A"], f["seen"] if "seen" in f else None, False) if str(f["digest"]) == key else None
     except FileNotFoundError:
         return None
-    except (OSError, ValueError, KeyError, EOFError) as e:
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as e:
         raise Bad(f"{path}: expected a matrix that ilfstage wrote, found another file ({type(e).__name__})") from None
 
 
