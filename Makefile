@@ -78,6 +78,8 @@ TOOLS              := hdrgen fishremap stagectl twin ilflamps ilfpack ilfdepth i
 have = $(foreach p,$(PROGRAMS_$(1)),$(if $(wildcard $(2)/$(p).c),$(p)))
 ILF_PROGRAMS  := $(call have,ilfmat,ilfmat/programs)
 TOOL_PROGRAMS := $(foreach t,$(TOOLS),$(call have,$(t),tools/$(t)))
+# in Python: nothing is built but the script that finds it; its packages come with build/venv/.packages (tests, reports), or are the user's own
+SCRIPTS       := ilfstage
 
 .PHONY: all radiance tools examples demo test bench install clean help env deps deps-radiance deps-tools deps-test man
 all: radiance tools man
@@ -191,7 +193,13 @@ $(VENV)/.ilf: Makefile | $(VENV)/.packages $(PYLIB)
 	@touch $@
 
 # ---- our programs ----------------------------------------------------------------------------------
-tools: $(ILF_PROGRAMS:%=$(B)/bin/%) $(TOOL_PROGRAMS:%=$(B)/bin/%) $(LIBILF_SO)
+tools: $(ILF_PROGRAMS:%=$(B)/bin/%) $(TOOL_PROGRAMS:%=$(B)/bin/%) $(SCRIPTS:%=$(B0)/bin/%) $(LIBILF_SO)
+
+# the version is the Makefile's alone
+$(SCRIPTS:%=$(B0)/bin/%): $(B0)/bin/%: tools/%/launch.sh Makefile
+	@mkdir -p $(@D)
+	@echo "  SH  $(@F)"
+	$(Q)sed 's/@VERSION@/$(VERSION)/' $< >$@.part && chmod 755 $@.part && mv -f $@.part $@
 
 $(ILF_PROGRAMS:%=$(B)/bin/%): $(B)/bin/%: $(B)/obj/ilfmat/programs/%.o $(LIBCOMMON) $(LIBILF) $(B)/flags/ld
 	@mkdir -p $(@D)
@@ -228,7 +236,7 @@ $(B0)/man/man1/% $(B0)/man/man7/%: man/%
 	@mkdir -p $(@D) && cp $< $@
 
 # ---- the main job, tests, measurements -------------------------------------------------------------
--include scenes/scenes.mk scenes/composite.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk tools/ilfview/ilfview.mk
+-include scenes/scenes.mk scenes/composite.mk scenes/figures.mk tools/hdrgen/hdrgen.mk tools/fishremap/fishremap.mk tools/ilfview/ilfview.mk scenes/reproduce.mk
 TEST_DRIVERS := $(patsubst tests/c/%.c,$(B)/test/%,$(wildcard tests/c/*.c))
 -include tests/slurm/slurm.mk report/report.mk tests/radiance_patch/stock.mk bench/bench.mk tests/fuzz/fuzz.mk tests/stability/stability.mk
 -include docs/docs.mk setup/deb.mk
@@ -279,7 +287,7 @@ clean:
 	rm -rf $(B0)
 
 install: all
-	@sh setup/install.sh $(B) $(B0) "$(DESTDIR)" "$(PREFIX)" "$(PROGRAM_PREFIX)" "$(VERSION)" "$(ILF_ABI)" $(ILF_PROGRAMS) $(TOOL_PROGRAMS) -- $(RAD_PROGRAMS) $(RAD_EXTRA) $(RAD_BUILT)
+	@sh setup/install.sh $(B) $(B0) "$(DESTDIR)" "$(PREFIX)" "$(PROGRAM_PREFIX)" "$(VERSION)" "$(ILF_ABI)" $(ILF_PROGRAMS) $(TOOL_PROGRAMS) $(SCRIPTS) -- $(RAD_PROGRAMS) $(RAD_EXTRA) $(RAD_BUILT)
 
 #?main: demo            the main job on real photographs and on a virtual capture
 #?main: test            the tests (TEST_ARGS=... goes to pytest)
@@ -308,7 +316,8 @@ help:
 
 # short names: make rpict, make hdrgen ...
 SHORT := $(RAD_PROGRAMS) $(RAD_ALL) $(ILF_PROGRAMS) $(TOOL_PROGRAMS)
-.PHONY: $(SHORT)
+.PHONY: $(SHORT) $(SCRIPTS)
 $(SHORT): %: $(B)/bin/%
+$(SCRIPTS): %: $(B0)/bin/%
 
 -include $(shell find $(B)/obj $(B)/pic -name '*.d' 2>/dev/null)

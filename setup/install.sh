@@ -75,6 +75,13 @@ done
     mkdir -p "$(dirname "$dest/share/ilf/python/$f")"
     put 644 "python/$f" "$dest/share/ilf/python/$f"
 done
+# programs in Python: their parts, and the package ilf as they use it; what is in bin finds them
+parts=$dest/share/ilf/programs
+mkdir -p "$parts/ilfstage" "$parts/ilf/include"
+for f in tools/ilfstage/*.py; do put 644 "$f" "$parts/ilfstage/$(basename "$f")"; done
+for f in python/src/ilf/*.py; do put 644 "$f" "$parts/ilf/$(basename "$f")"; done
+for h in ilf ilf_luminaire; do put 644 "ilfmat/$h.h" "$parts/ilf/include/$h.h"; done
+ln -sf "../../../../lib/libilf.so.$abi" "$parts/ilf/libilf.so.$abi"
 put 644 LICENSE "$doc/LICENSE"
 [ ! -f "$build/radiance/src/License.txt" ] || put 644 "$build/radiance/src/License.txt" "$doc/Radiance-License.txt"
 for f in "$build0"/doc/*; do [ ! -f "$f" ] || put 644 "$f" "$doc/$(basename "$f")"; done

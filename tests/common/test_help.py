@@ -4,7 +4,7 @@ import re
 import pytest
 from conftest import TOP, run
 
-OURS = "hdrgen fishremap falloffcal ilfpack ilfinfo ilftrace stagectl virtualstage virtualcamera ilflamps ilfdepth ilfview".split()
+OURS = "hdrgen fishremap falloffcal ilfpack ilfinfo ilftrace stagectl virtualstage virtualcamera ilflamps ilfdepth ilfview ilfstage".split()
 WIDTH = 80
 
 

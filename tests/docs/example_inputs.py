@@ -2,7 +2,7 @@
 
 make(folder) writes IMG_1.jpg ... IMG_5.jpg (EXIF times) and times.txt, fisheye.exr, flat.exr, source_00.exr ..., lens.txt,
 panorama.hdr, dual.exr and its rig.txt, shots.txt, shot_0.exr ..., spheres.exr, left.exr, right.exr, probe.exr, probe_0.exr ..., room.ilf.exr, lamps.ilf.exr, rays.txt, room.rad, objects.rad,
-surroundings.rad, view.vf, places.txt, session.conf.  `with stage(folder):` has a stage at the name port.
+surroundings.rad, view.vf, places.txt, session.conf, stage.toml, walk.txt.  `with stage(folder):` has a stage at the name port.
 """
 import numpy as np
 
@@ -134,6 +134,16 @@ def write_scene(folder):
     (folder / "view.vf").write_text("rvu -vtv -vp .4 -1.5 1 -vd 0 1 -.6 -vu 0 0 1 -vh 40 -vv 30\n")
 
 
+def write_stage(folder):
+    """Eight lamps about a subject, and its way through room.ilf.exr."""
+    lines = ["[fixture.spot]", "size = 0.1", *(f"[fixture.spot.channel.{c}]\nrgb = {rgb}" for c, rgb in (("red", [9, .3, .1]), ("green", [.5, 8, .4]), ("blue", [.2, .6, 7])))]
+    for k in range(8):
+        angle = k * np.pi / 4
+        lines.append(f'[[light]]\nname = "l{k}"\nfixture = "spot"\nposition = [{1.5 * np.cos(angle):.4f}, {1.5 * np.sin(angle):.4f}, {.5 + k % 2}]\naim = [0, 0, 0]')
+    (folder / "stage.toml").write_text("\n".join(lines) + "\n")
+    (folder / "walk.txt").write_text("0 .1 .1 0 0\n1 .6 .5 0 45\n")
+
+
 def make(folder):
     write_series(folder)
     U.write_exr(folder / "fisheye.exr", fisheye())
@@ -150,6 +160,7 @@ def make(folder):
     (folder / "places.txt").write_text("panorama.exr 0 0 1.5 0\npanorama.hdr .2 0 1.5 0  # beside it\n")
     write_scene(folder)
     write_shots(folder)
+    write_stage(folder)
     session(folder, camera={"exposures": "1/60 1/8"}, stage={"port": "port"})
 
 

@@ -10,6 +10,7 @@ import pytest
 
 import fishremap_util as U
 from conftest import BUILD, SHARED, TOP, environment, needed
+from ilf_util import random_ilf, write_ilf
 from process import execute
 
 SCENE = """void plastic grey
@@ -56,7 +57,7 @@ def shell(tree, text, cwd, raypath=True):
     return execute(["sh", "-euc", text], cwd=cwd, env=env, capture_output=True, text=True)
 
 
-OURS = "hdrgen fishremap falloffcal ilfpack ilfinfo ilftrace stagectl virtualstage virtualcamera ilflamps ilfdepth ilfview".split()
+OURS = "hdrgen fishremap falloffcal ilfpack ilfinfo ilftrace stagectl virtualstage virtualcamera ilflamps ilfdepth ilfview ilfstage".split()
 
 
 def test_all_that_make_builds_is_installed(installed):
@@ -116,6 +117,20 @@ def test_path_alone_is_enough_to_render_and_to_capture(installed, tmp_path):
         rpict -ab 1 -ad 16 -vp 0 -3 1 -vd 0 3 -.8 -vu 0 0 1 -x 24 -y 24 lit.oct | pvalue -h -H -d -b > lit.txt""", tmp_path, raypath=False)
     assert p.returncode == 0, p.stderr
     assert float(np.loadtxt(tmp_path / "lit.txt").max()) > 0 and (tmp_path / "s.hdr").stat().st_size > 100
+
+
+def test_programs_in_python_find_their_parts(installed, tmp_path):
+    """Wherever the tree lies; another Python is named, and one without the packages is refused in one line."""
+    tree, _ = installed
+    (tmp_path / "s.toml").write_text('[fixture.lamp]\nsize = 0.1\n[fixture.lamp.channel.w]\nrgb = [1, 1, 1]\n[[light]]\nname = "a"\nfixture = "lamp"\nposition = [0, 0, 2]\naim = [0, 0, 0]\n')
+    write_ilf(tmp_path / "f.ilf.exr", random_ilf(np.random.default_rng(1), 2, 2, 16, 8, plane=((-.5, -.5, 0), (1, 0, 0), (0, 1, 0))))
+    p = shell(tree, f"ILF_PYTHON={sys.executable} ilf-ilfstage --quiet -o drive.csv --noise 0 --exposure auto s.toml f.ilf.exr", tmp_path)
+    assert p.returncode == 0 and p.stderr == "" and "1 lights (1 used)" in p.stdout, p
+    assert (tmp_path / "drive.csv").read_text().startswith("seconds,a.w\n0,")
+    (tmp_path / "bare").write_text('#!/bin/sh\nexec /usr/bin/env python3 -S "$@"\n')
+    (tmp_path / "bare").chmod(0o755)
+    p = shell(tree, "ILF_PYTHON=./bare ilf-ilfstage s.toml f.ilf.exr", tmp_path)
+    assert p.returncode == 1 and len(p.stderr.splitlines()) == 1 and "numpy" in p.stderr
 
 
 def test_letters(installed, tmp_path):
