@@ -12,7 +12,7 @@
 #   AT        where the panorama was taken, in the same coordinates
 #   HEADING   where its middle column looks, degrees from +x towards +y (default 90: along +y)
 #   FIELD     the folder of what is made (default: the HDRI's name with .field for its ending)
-#   SIZE      texels of the probes (default 1024x512; the HDRI's own size keeps every pixel as it is)
+#   SIZE      texels of the probes (default 512x256; more is sharper in mirrors, and noisier in the same time)
 #   ILFLAMPS  further options of ilflamps, say --lamps keep
 #
 # FIELD/room.rad is part of a scene: the room's surfaces with the light field on them.  A light field sends light from above its plane only, so there are two, of
@@ -36,7 +36,7 @@ HDRI    ?=
 ROOM    ?=
 AT      ?=
 HEADING ?= 90
-SIZE    ?= 1024x512
+SIZE    ?= 512x256
 ILFLAMPS ?=
 PICTURE := $(abspath $(firstword $(wildcard $(HDRI) $(if $(INSTALLED),,$(ROOT)/$(HDRI)))))
 ifeq ($(and $(HDRI),$(PICTURE)),)
@@ -80,12 +80,13 @@ $(FIELD)/up.exr: $(PICTURE) $(FIELD)/.remap $(call made_by,fishremap)
 	@fishremap $(QUIET) --from latlong --heading $(HEADING) --size $(SIZE) --polar-max 180 -o $@ $<
 $(FIELD)/down.exr: $(PICTURE) $(FIELD)/.remap $(call made_by,fishremap)
 	@fishremap --quiet --from latlong --heading=$$(awk 'BEGIN { print -$(HEADING) }') --rotate 180 --size $(SIZE) --polar-max 180 -o $@ $<
-# a plane of one probe: a rectangle of 1 x 1 with the place in its middle
-middle = $(shell set -- $(AT); awk 'BEGIN { print ARGV[1] - .5, ARGV[2] + ARGV[4], ARGV[3] }' "$$@" $(1))
+# a plane of one probe, which stands in the middle of a rectangle as large as the room: by that renderers know how finely light changes with the place
+EDGES  := $(if $(GEOMETRY),$(shell set -- $(AT); awk -v z="$$3" 'BEGIN { z = 3*(z < 0 ? -z : z) + .001; print z, z }'),$(wordlist 1,2,$(ROOM)))
+plane   = $(shell set -- $(AT) $(EDGES); awk -v s=$(1) 'BEGIN { print ARGV[1] - ARGV[4]/2, ARGV[2] - s*ARGV[5]/2, ARGV[3], " ", ARGV[4], 0, 0, " ", 0, s*ARGV[5], 0 }' "$$@")
 $(FIELD)/up.probe.ilf.exr: $(FIELD)/up.exr $(FIELD)/.place $(call made_by,ilfpack)
-	@ilfpack $(QUIET) --grid 1x1 --plane "$(call middle,-.5)  1 0 0  0 1 0" -o $@ $<
+	@ilfpack $(QUIET) --grid 1x1 --plane "$(call plane,1)" -o $@ $<
 $(FIELD)/down.ilf.exr: $(FIELD)/down.exr $(FIELD)/.place $(call made_by,ilfpack)
-	@ilfpack $(QUIET) --grid 1x1 --plane "$(call middle,.5)  1 0 0  0 -1 0" -o $@ $<
+	@ilfpack $(QUIET) --grid 1x1 --plane "$(call plane,-1)" -o $@ $<
 
 # ---- the room, and the lamps on it -------------------------------------------------------------------------------------
 ifeq ($(GEOMETRY),)
@@ -116,4 +117,4 @@ $(FIELD)/picture.oct: $(FIELD)/room.rad $(FIELD)/picture.rad $(call made_by,ocon
 	@oconv $(FIELD)/room.rad $(FIELD)/picture.rad > $@
 $(FIELD)/picture.hdr: $(FIELD)/picture.oct $(call made_by,rpict)
 	@set -- $(or $(ROOM),$(AT)); rpict $$(awk -v x="$$1" -v y="$$2" -v z="$$3" 'BEGIN { print "-vtv -vu 0 0 1 -vh 65 -vv 50 -vp", .5*x, .06*y, .62*z, "-vd 0", .5*y, -.5*z }') \
-	    -x 640 -y 480 -ab 2 -ad 256 -as 64 -aa .15 -ar 64 -st 0 -di 32 $< > $@
+	    -x 480 -y 360 -ab 1 -ad 128 -as 32 -aa .2 -ar 64 -st 0 -di 32 $< > $@
