@@ -72,8 +72,8 @@ picture: $(FIELD)/picture.hdr
 	@echo "picture: $<"
 
 $(eval $(call settings,$(FIELD)/.remap,$(SIZE) $(HEADING)))
-$(eval $(call settings,$(FIELD)/.place,$(ROOM) $(GEOMETRY) at $(AT)))
-$(eval $(call settings,$(FIELD)/.ilflamps,$(ILFLAMPS)))
+$(eval $(call settings,$(FIELD)/.place,room $(strip $(ROOM)) $(GEOMETRY) at $(AT)))
+$(eval $(call settings,$(FIELD)/.ilflamps,ilflamps $(ILFLAMPS)))
 
 # ---- the panorama as a probe of a plane that looks up, and of one that looks down -----------------------------------
 $(FIELD)/up.exr: $(PICTURE) $(FIELD)/.remap $(call made_by,fishremap)
