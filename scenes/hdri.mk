@@ -80,12 +80,11 @@ $(FIELD)/up.exr: $(PICTURE) $(FIELD)/.remap $(call made_by,fishremap)
 	@fishremap $(QUIET) --from latlong --heading $(HEADING) --size $(SIZE) --polar-max 180 -o $@ $<
 $(FIELD)/down.exr: $(PICTURE) $(FIELD)/.remap $(call made_by,fishremap)
 	@fishremap --quiet --from latlong --heading=$$(awk 'BEGIN { print -$(HEADING) }') --rotate 180 --size $(SIZE) --polar-max 180 -o $@ $<
-# a plane of one probe, which stands in the middle of a rectangle as large as the room: by that renderers know how finely light changes with the place
-EDGES  := $(if $(GEOMETRY),$(shell set -- $(AT); awk -v z="$$3" 'BEGIN { z = 3*(z < 0 ? -z : z) + .001; print z, z }'),$(wordlist 1,2,$(ROOM)))
-plane   = $(shell set -- $(AT) $(EDGES); awk -v s=$(1) 'BEGIN { print ARGV[1] - ARGV[4]/2, ARGV[2] - s*ARGV[5]/2, ARGV[3], " ", ARGV[4], 0, 0, " ", 0, s*ARGV[5], 0 }' "$$@")
-$(FIELD)/up.probe.ilf.exr: $(FIELD)/up.exr $(FIELD)/.place $(call made_by,ilfpack)
+# a plane of one probe, which stands in the middle of a square as large as the room: by that renderers know how finely light changes with the place
+plane = $$(getinfo -d < $(FIELD)/walls.oct | awk -v x=$(word 1,$(AT)) -v y=$(word 2,$(AT)) -v z=$(word 3,$(AT)) -v s=$(1) '{ print x - $$4/2, y - s*$$4/2, z, $$4, 0, 0, 0, s*$$4, 0 }')
+$(FIELD)/up.probe.ilf.exr: $(FIELD)/up.exr $(FIELD)/walls.oct $(FIELD)/.place $(call made_by,ilfpack)
 	@ilfpack $(QUIET) --grid 1x1 --plane "$(call plane,1)" -o $@ $<
-$(FIELD)/down.ilf.exr: $(FIELD)/down.exr $(FIELD)/.place $(call made_by,ilfpack)
+$(FIELD)/down.ilf.exr: $(FIELD)/down.exr $(FIELD)/walls.oct $(FIELD)/.place $(call made_by,ilfpack)
 	@ilfpack $(QUIET) --grid 1x1 --plane "$(call plane,-1)" -o $@ $<
 
 # ---- the room, and the lamps on it -------------------------------------------------------------------------------------

@@ -270,7 +270,8 @@ int analyse_field(analysis *a, lightfield *f, const plan *p, errmsg *e)
     const clock_t began = clock();
     const int alone = a->f.n == 1 && p->octree; /* what hides a lamp, other places would have to say */
     if (a->f.n == 1 && !p->octree && p->most > 0)
-        remark("a single probe", "one place can't tell where lamps hang: --geometry says how far the surroundings are");
+        remark("a single probe",
+               "one place can't tell where lamps hang: --geometry says how far the surroundings are");
     if (!bad && p->most > 0) bad = alone ? oneplace_lamps(a, p, e) : blobs_find(&list, &a->f, OVER, e);
     if (!bad && !alone) {
         limit = OVER * blobs_typical(&a->f);
