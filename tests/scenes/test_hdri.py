@@ -11,7 +11,7 @@ from process import execute
 from test_fishremap_panorama import panorama, pose
 
 SCENE = U.lobes(count=8, sharpest=1.2)
-ROOM, AT, HEADING = np.array([6, 5, 2.8]), np.array([2.5, 3, 1.2]), 30
+ROOM, AT, HEADING = np.array([6, 5, 2.8]), np.array([2.5, 3, 1.2]), -30
 
 
 def made(folder, *words, code=0):
