@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import BUILD, run
 from fishremap_util import read_exr
-from ilf_util import Lamp, Mask, assert_same, random_ilf, rays_text, unit, write_ilf
+from ilf_util import Lamp, Mask, assert_same, directional_ilf, random_ilf, rays_text, unit, write_ilf
 from process import execute
 from test_ilf_lamps import masks_of
 from test_version2 import PLANE, exportable, stock
@@ -164,6 +164,43 @@ def test_usd_core_reads_it(exported):
     sun = unit(f.origin + f.lamps[4].c @ f.frame() - middle)
     assert np.allclose(where["lamp_5"][2, :3], sun, atol=1e-5)
     assert told["lights"]["lamp_5"]["size"]["angle"] == pytest.approx(2 * np.degrees(np.arcsin(9 / np.linalg.norm(f.lamps[4].c - [.5, .4, 0]))), rel=1e-4)
+
+
+BLENDER = """
+import json
+import bpy
+bpy.ops.wm.read_factory_settings(use_empty=True)
+s = bpy.context.scene
+s.world = bpy.data.worlds.new("w")
+bpy.ops.wm.usd_import(filepath="a.usda", import_meshes=False)
+cam = bpy.data.cameras.new("c")
+it = bpy.data.objects.new("c", cam)
+s.collection.objects.link(it)
+it.rotation_euler, cam.angle, s.camera = (2.5, .2, .3), 1.5, it
+r, y = s.render, s.cycles
+r.engine, r.resolution_x, r.resolution_y = "CYCLES", 40, 40
+y.samples, y.use_denoising, y.use_adaptive_sampling, y.pixel_filter_type, y.filter_width = 1, False, False, "BOX", .01
+s.view_settings.view_transform = "Raw"
+r.image_settings.file_format, r.image_settings.color_depth, r.filepath = "OPEN_EXR", "32", "seen.exr"
+bpy.ops.render.render(write_still=True)
+json.dump([list(v) for v in it.matrix_world], open("camera.json", "w"))
+"""
+
+
+@pytest.mark.sweep
+def test_blender_sees_the_dome_the_right_way_round(tmp_path):
+    if not USD.exists():
+        pytest.skip("Blender is not installed: `make bench-cycles-python` does that")
+    f = directional_ilf(lambda d: 1.2 + d * [1, .6, 0] + .4 * np.sin(5 * d[..., :1]), 256, 128, origin=(-.5, -.4, 0), U=(1, 0, 0), V=(0, .8, 0))
+    run("ilflamps", "--quiet", "--export", "a.usda", write_ilf(tmp_path / "a.ilf.exr", f), cwd=tmp_path)
+    execute([USD, "-c", BLENDER], cwd=tmp_path, capture_output=True, check=True)
+    image = read_exr(tmp_path / "seen.exr")[0][..., :3].reshape(-1, 3)
+    M = np.array(json.loads((tmp_path / "camera.json").read_text()))
+    x = ((np.arange(40) + .5) / 40 * 2 - 1) * np.tan(.75)
+    X, Y = np.meshgrid(x, -x)
+    d = unit(np.stack([X, Y, -np.ones_like(X)], -1).reshape(-1, 3) @ M[:3, :3].T)
+    up = d[:, 2] > .05
+    assert up.mean() > .5 and np.allclose(image[up], f.eval(np.zeros_like(d), d)[up], rtol=.005)
 
 
 def test_what_is_left_out_is_said(tmp_path):
