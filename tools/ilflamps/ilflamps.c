@@ -169,7 +169,8 @@ static void get_lamps(analysis *a, const char *path)
     errmsg e;
     int bad;
 
-    if (version_of(path) == ILF_FILE_VERSION) bad = analyse(a, path, &p, &e);
+    const int taken = version_of(path) != ILF_FILE_VERSION;
+    if (!taken) bad = analyse(a, path, &p, &e);
     else {
         if (lamps || max_width > 0)
             cli_fail(CLI_USAGE,
@@ -182,11 +183,11 @@ static void get_lamps(analysis *a, const char *path)
                      "taken out, found version 2",
                      path);
         bad = taken_read(a, path, &e);
-        /* probes between the old ones, and whoever looks from elsewhere, see what is left where it is */
-        if (!bad && (grid_u || n_exports) && (geometry || a->f.n > 1))
-            bad = geometry ? surroundings_from(&a->around, geometry, &a->f, &e)
-                           : surroundings_guess(&a->around, &a->f, &e);
     }
+    /* probes between the old ones, and whoever looks from elsewhere, see what is left where it is */
+    if (!bad && (n_exports || (grid_u && taken)) && !a->around.far && (geometry || a->f.n > 1))
+        bad = geometry ? surroundings_from(&a->around, geometry, &a->f, &e)
+                       : surroundings_guess(&a->around, &a->f, &e);
     if (bad) cli_fail(CLI_FAILED, "%s", e.text);
     if (a->steady.measured)
         cli_note("%s: its probes are turned by %.2g degrees (rms of %d that lamps could tell, each to %.1g): "
