@@ -133,7 +133,14 @@ for p in stage.Traverse():
 mesh = stage.GetPrimAtPath("/light_field/surroundings")
 words = UsdGeom.Mesh.ValidateTopology(*[UsdGeom.Mesh(mesh).GetPrim().GetAttribute(n).Get() for n in ("faceVertexIndices", "faceVertexCounts")],
                                       len(UsdGeom.Mesh(mesh).GetPointsAttr().Get())) if mesh else None
-print(json.dumps(dict(lights=lights, up=UsdGeom.GetStageUpAxis(stage), metres=UsdGeom.GetStageMetersPerUnit(stage), mesh=words)))
+wrong = []
+try:
+    from pxr import UsdValidation                                       # of usd-core since 24.11
+    every = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    wrong = [e.GetMessage() for e in UsdValidation.ValidationContext(every).Validate(stage)]
+except ImportError:
+    pass
+print(json.dumps(dict(wrong=wrong, lights=lights, up=UsdGeom.GetStageUpAxis(stage), metres=UsdGeom.GetStageMetersPerUnit(stage), mesh=words)))
 """
 
 
@@ -146,6 +153,7 @@ def look(path):
 def test_usd_core_reads_it(exported):
     f, here = exported
     told = look(here / "a.usda")
+    assert not told["wrong"]
     assert told["up"] == "Z" and told["metres"] == pytest.approx(.0254) and told["lights"]["residual"]["there"]
     where = {k: np.array(v["matrix"]) for k, v in told["lights"].items()}
     assert all(l["exposure"] == 0 and not l["normalize"] for l in told["lights"].values())
