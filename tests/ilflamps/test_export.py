@@ -222,7 +222,7 @@ def test_what_is_left_out_is_said(tmp_path):
 
 @pytest.mark.parametrize("args, words", [
     (("--export", "a.gltf"), "expected FILE.usda, FILE.rad or FILE.json"), (("--export", ".rad"), "expected FILE.usda"),
-    (("--at", "1,2,3", "-o", "x.ilf.exr"), "expected --export"), (("--export", "a.json", "--metres", "-1"), "more than 0"),
+    (("--at", "1,2,3", "-o", "x.ilf.exr"), "expected --export"), (("--export", "a.json", "--metres", "0"), "more than 0"),
     (("--export", "a.json", "--at", "1,2"), "expected")])
 def test_refusals(exported, tmp_path, args, words):
     r = run("ilflamps", *args, exported[1] / "a.ilf.exr", cwd=tmp_path, code=2)

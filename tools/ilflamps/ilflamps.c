@@ -27,7 +27,8 @@ static int n_edits, n_exports, grid_u, grid_v, dry_run, at_given;
 static viewpoint from;
 #define NOT_GIVEN (-1e9)
 #define DEGREE    57.29577951308232 /* in a radian */
-static double max_width = NOT_GIVEN;
+static double max_width = NOT_GIVEN, metres = NOT_GIVEN;
+static char *line; /* the command line, for files; here it is known to whoever looks for what is not freed */
 
 static int one_edit(const char *value, void *arg, errmsg *e)
 {
@@ -93,7 +94,7 @@ static const cli_opt options[] = {
      "repeated"},
     {"at", 0, CLI_CALL, NULL, place, "X,Y,Z",
      "place from which exported files see what is left, scene's coordinates (default: the plane's middle)"},
-    {"metres", 0, CLI_DOUBLE, &from.metres, NULL, "X", "metres in the scene's unit, for exported files"},
+    {"metres", 0, CLI_DOUBLE, &metres, NULL, "X", "metres in the scene's unit, for exported files"},
     {"dry-run", 0, CLI_FLAG, &dry_run, NULL, NULL, "check the options; read no light field, write nothing"},
     {"rays", 0, CLI_STRING, &rays, NULL, "FILE",
      "rays to evaluate: nine doubles each, as ilftrace's lines (with --radiance)"},
@@ -130,8 +131,9 @@ static void check_usage(int operands)
     if (!target && !report && !rays && !composed && !picture && !exported && !n_exports)
         cli_fail(CLI_USAGE, "nothing to write: expected -o, --compose, --report, --picture, --export, "
                             "--export-rad or --radiance");
-    if (from.metres < 0) cli_fail(CLI_USAGE, "--metres: expected more than 0, found %g", from.metres);
-    if ((at_given || from.metres > 0) && !exported && !n_exports)
+    if (metres <= 0 && metres > NOT_GIVEN)
+        cli_fail(CLI_USAGE, "--metres: expected more than 0, found %g", metres);
+    if ((at_given || metres > 0) && !exported && !n_exports)
         cli_fail(CLI_USAGE,
                  "--at and --metres are for what is exported: expected --export or --export-rad, too");
     if (!target && (stored.type || stored.interleave || strcmp(stored.compression, "none") != 0))
@@ -196,17 +198,18 @@ static void get_lamps(analysis *a, const char *path)
     taken_first(a);
 }
 
-static void write_exports(const analysis *a, const char *line)
+static void write_exports(const analysis *a)
 {
     errmsg e;
 
+    from.metres = metres > 0 ? metres : 0;
     if (!at_given) look_from_middle(from.at, &a->f);
     if (exported && exportrad_write(exported, a, &from, line, &e)) cli_fail(CLI_FAILED, "%s", e.text);
     for (int k = 0; k < n_exports; k++)
         if (export_write(exports[k], a, &from, line, &e)) cli_fail(CLI_FAILED, "%s", e.text);
 }
 
-static void write_all(const analysis *a, const char *input, const char *line)
+static void write_all(const analysis *a, const char *input)
 {
     errmsg e;
     int n = 0;
@@ -217,13 +220,13 @@ static void write_all(const analysis *a, const char *input, const char *line)
          compose_write(composed, a, grid_u ? grid_u : a->f.nu, grid_v ? grid_v : a->f.nv, line, &e)) ||
         (target && output_write(target, input, a, &stored, line, &n, &e)))
         cli_fail(CLI_FAILED, "%s", e.text);
-    write_exports(a, line);
+    write_exports(a);
     if (target && n == 0) cli_note("no lamp was taken out: %s is of version 1", target);
 }
 
 int main(int argc, char **argv)
 {
-    char *line = cli_command_line(&prog, argc, argv);
+    line = cli_command_line(&prog, argc, argv);
     const int n = cli_parse(&prog, argc, argv);
     analysis a;
     errmsg e;
@@ -234,7 +237,7 @@ int main(int argc, char **argv)
     get_lamps(&a, argv[1]);
     for (int k = 0; k < n_edits; k++)
         if (edit_lamp(&a, edits[k], &e)) cli_fail(CLI_USAGE, "%s", e.text);
-    write_all(&a, argv[1], line);
+    write_all(&a, argv[1]);
     free(line);
     analysis_free(&a);
     return cli_end(CLI_OK);
