@@ -29,3 +29,17 @@ bench-python: $(B)/test/ilfspeed $(VENV)/.ilf $(if $(wildcard $(FIELD)),,$(FIELD
 
 #?measures: bench-python    lookups from Python beside a loop in C (FIELD=FILE.ilf.exr)
 #?measures: bench-lamps     lamps taken out against version 1, in rooms of known lamps (LAMPS="--odd 7000:100 --grid 6x6 --texels 128x64")
+
+# Blender's Cycles with our lookup in OSL beside our renderer (half an hour; PyPI's bpy and usd-core, 1 GB unpacked, in a Python of their own).
+CYCLES := $(B0)/bench/cycles
+.PHONY: bench-cycles bench-cycles-python
+bench-cycles-python: $(CYCLES)/venv/.packages
+$(CYCLES)/venv/.packages: setup/requirements-cycles.txt setup/venv.sh | $(B0)/.debs-radiance
+	@mkdir -p $(CYCLES) && sh setup/venv.sh $(CYCLES)/venv $(PYTHON)
+	@echo "installing Blender as a Python module, and usd-core"
+	@$(CYCLES)/venv/bin/python -m pip install -q --disable-pip-version-check -r setup/requirements-cycles.txt
+	@touch $@
+bench-cycles: $(CYCLES)/venv/.packages radiance $(B)/bin/ilftrace $(VENV)/.ilf $(if $(wildcard $(FIELD)),,$(FIELD))
+	$(ILF_ENV) $(PY) bench/cycles/bench.py $(FIELD) $(CYCLES)/venv/bin/python $(CYCLES)
+
+#?measures: bench-cycles    Blender's Cycles with ilf.osl beside our renderer (PyPI's bpy, 374 MB; FIELD=FILE.ilf.exr)

@@ -227,7 +227,7 @@ def test_the_tutorials_own_camera(tmp_path):
 
 
 def test_the_tutorials_ten_minutes(tmp_path):
-    """Chapter 6 up to its panoramas (of a few pixels, which ilfpack would rightly call contradicting)."""
+    """Chapter 6 up to its panoramas (of a few pixels, which ilfpack would rightly call contradicting), and chapter 7 with one of them."""
     for words in [*chapter_steps(1, 1, tmp_path), *chapter_steps(6, 6, tmp_path)]:
         words = words.replace("make -C ../../scenes", f"make -s -C {TOP}/scenes BUILD={BUILD} QUIET=--quiet")
         shell(tmp_path, f"{words.rstrip()} panoramas\n" if words.rstrip().endswith("positions.txt") else words)
@@ -238,6 +238,9 @@ def test_the_tutorials_ten_minutes(tmp_path):
     light, towards = U.read_exr(tmp_path / "x.exr")[0], np.array([.65 - .099, .375 - .334, 1.1 - .026])
     bluest = U.probe(lambda d: d, 64, 16, 90, 2).reshape(-1, 3)[(light[..., 2] - light[..., 0]).argmax()]
     assert bluest @ towards / np.linalg.norm(towards) > np.cos(np.radians(10)), bluest
+    for words in chapter_steps(7, 7, tmp_path):
+        shell(tmp_path, words.replace("make -C ../../scenes", f"make -s -C {TOP}/scenes BUILD={BUILD} SIZE=128x64"))
+    assert np.array(run("pvalue", "-h", "-H", "-d", "finite.hdr", cwd=tmp_path).text.split(), float).max() > 0
 
 
 # ---- the manual and the API ----------------------------------------------------------------------------------

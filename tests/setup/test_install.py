@@ -265,6 +265,20 @@ def test_panoramas_from_an_installation(installed, tmp_path):
     assert got.shape == (16, 32, 4) and np.allclose(got[..., :3][got[..., 3] == 1], 1) and (got[-1, :, 3] == 0).all()
 
 
+def test_one_panorama_from_an_installation(installed, tmp_path):
+    """scenes/hdri.mk beside it, and the shader of other renderers."""
+    tree, _ = installed
+    if " " in str(tree):
+        (tmp_path / "tree").symlink_to(tree)
+        tree = tmp_path / "tree"
+    assert "shader ilf(" in (tree / "share/ilf/ilf.osl").read_text() and (tree / "share/ilf/ilf_blender.py").exists()
+    U.write_exr(tmp_path / "p.exr", np.ones((32, 64, 3)))
+    p = shell(tree, f"make -s -f '{tree}/share/ilf/chain/hdri.mk' HDRI=p.exr ROOM='4 3 2' AT='2 1 1' SIZE=32x16 QUIET=--quiet && oconv p.field/room.rad > o.oct &&"
+              " echo 1 1 .5 .3 .2 -.4 | rtrace -h -w -ab 0 -di 0 o.oct", tmp_path, raypath=False)
+    assert p.returncode == 0, p.stderr
+    assert np.allclose(np.array(p.stdout.split()[-3:], float), 1, rtol=.01)
+
+
 def test_prefix_may_be_relative_and_installing_twice_is_the_same(tmp_path):
     for _ in range(2):
         p = make("install", f"PREFIX={tmp_path}/x")

@@ -8,8 +8,10 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/remark.h"
 #include "choose.h"
 #include "gradient.h"
+#include "oneplace.h"
 #include "pictures.h"
 #include "vec.h"
 
@@ -266,8 +268,12 @@ int analyse_field(analysis *a, lightfield *f, const plan *p, errmsg *e)
     a->lamps = calloc((size_t)p->most + 1, sizeof *a->lamps);
     if (!c || !a->lamps) bad = err_set(e, "no memory for lamps");
     const clock_t began = clock();
-    if (!bad && p->most > 0) bad = blobs_find(&list, &a->f, OVER, e);
-    if (!bad) {
+    const int alone = a->f.n == 1 && p->octree; /* what hides a lamp, other places would have to say */
+    if (a->f.n == 1 && !p->octree && p->most > 0)
+        remark("a single probe",
+               "one place can't tell where lamps hang: --geometry says how far the surroundings are");
+    if (!bad && p->most > 0) bad = alone ? oneplace_lamps(a, p, e) : blobs_find(&list, &a->f, OVER, e);
+    if (!bad && !alone) {
         limit = OVER * blobs_typical(&a->f);
         bad = steady_shapes(a, &list, c, centres_find(c, p->most, &list, &a->f), limit, p, e);
         for (int i = 0; i < list.n; i++) a->stray += list.b[i].lamp < 0;
@@ -275,7 +281,7 @@ int analyse_field(analysis *a, lightfield *f, const plan *p, errmsg *e)
         for (int i = 0; i < a->n && !bad; i++)
             if (a->lamps[i].fate == TAKEN) bad = lamp_take_out(&a->lamps[i].l, &a->f, limit, e);
     }
-    if (!bad) bad = explain(a, p, limit, e);
+    if (!bad) bad = alone ? surroundings_from(&a->around, p->octree, &a->f, e) : explain(a, p, limit, e);
     for (int i = a->n; i-- > 0 && !bad;)
         if (a->lamps[i].fate != TAKEN) lamp_put_back(&a->lamps[i].l, &a->f);
     a->cpu_s = (double)(clock() - began) / CLOCKS_PER_SEC;

@@ -15,7 +15,7 @@
 
 #include "base/outfile.h"
 #include "base/remark.h"
-#include "image/image.h"
+#include "export.h"
 #include "vec.h"
 
 enum { RIM = 48, LEAST_ROWS = 64 };
@@ -24,12 +24,6 @@ static const double pi = 3.14159265358979323846;
 static const ilf_frame *frame_of(const analysis *a)
 {
     return &a->f.frame;
-}
-
-static void to_scene(double x[3], const ilf_frame *f, const double p[3], int point)
-{
-    for (int k = 0; k < 3; k++)
-        x[k] = (point ? f->origin[k] : 0) + p[0] * f->u[k] + p[1] * f->v[k] + p[2] * f->n[k];
 }
 
 /* ---- patterns -------------------------------------------------------------------------------------- */
@@ -120,34 +114,34 @@ static int is_pattern(const ilf_mask *m, const ilf_luminaire *l)
 
 /* ---- files ------------------------------------------------------------------------------------------- */
 
-/* The folder, and a name in it. */
-static const char *in(char *path, size_t room, const char *dir, const char *name)
+/* What all names begin with ("DIR/", "FILE."), and a name. */
+static const char *in(char *path, size_t room, const char *base, const char *name)
 {
-    (void)!snprintf(path, room, "%s/%s", dir, name);
+    (void)!snprintf(path, room, "%s%s", base, name);
     return path;
 }
 
 /* A text file that a function writes: whole or not at all. */
-typedef void writer(FILE *o, const char *dir, const analysis *a, const void *what);
+typedef void writer(FILE *o, const char *base, const analysis *a, const void *what);
 
-static int write_text(const char *dir, const char *name, writer *fill, const analysis *a, const void *what,
+static int write_text(const char *base, const char *name, writer *fill, const analysis *a, const void *what,
                       errmsg *e)
 {
     char path[4096];
     outfile *o = NULL;
 
-    if (out_begin(&o, in(path, sizeof path, dir, name), e)) return -1;
-    fill(out_stream(o), dir, a, what);
+    if (out_begin(&o, in(path, sizeof path, base, name), e)) return -1;
+    fill(out_stream(o), base, a, what);
     return out_commit(o, e);
 }
 
 /* Radiance's data files: the slower dimension first, at least two samples along each. */
-static void fill_data(FILE *o, const char *dir, const analysis *a, const void *what)
+static void fill_data(FILE *o, const char *base, const analysis *a, const void *what)
 {
     const ilf_mask *m = what;
     const int nx = m->nx > 1 ? m->nx : 2, ny = m->ny > 1 ? m->ny : 2;
 
-    (void)dir, (void)a;
+    (void)base, (void)a;
     fprintf(o, "2\n%.9g %.9g %d\n%.9g %.9g %d\n", m->y0, m->y0 + (ny - 1) * m->dy, ny, m->x0,
             m->x0 + (nx - 1) * m->dx, nx);
     for (int j = 0; j < ny; j++)
@@ -158,11 +152,11 @@ static void fill_data(FILE *o, const char *dir, const analysis *a, const void *w
                 i + 1 < nx ? ' ' : '\n');
 }
 
-static void fill_cal(FILE *o, const char *dir, const analysis *a, const void *what)
+static void fill_cal(FILE *o, const char *base, const analysis *a, const void *what)
 {
     int k = 0;
 
-    (void)dir, (void)what;
+    (void)base, (void)what;
     write_ray(o, frame_of(a));
     for (int i = 0; i < a->n; i++)
         for (int j = 0; a->lamps[i].fate == TAKEN && j < a->lamps[i].l.s.l.nmasks; j++) {
@@ -180,7 +174,7 @@ static void point(FILE *o, const ilf_frame *f, const double p[3])
 {
     double x[3];
 
-    to_scene(x, f, p, 1);
+    look_to_scene(x, f, p, 1);
     fprintf(o, " %.9g %.9g %.9g", x[0], x[1], x[2]);
 }
 
@@ -205,7 +199,7 @@ static void flat(FILE *o, const analysis *a, const ilf_luminaire *l, const char 
     const ilf_frame *f = frame_of(a);
     double A[3], B[3], n[3], to[3], c[3];
 
-    to_scene(A, f, l->a, 0), to_scene(B, f, l->b, 0), to_scene(c, f, l->centre, 1);
+    look_to_scene(A, f, l->a, 0), look_to_scene(B, f, l->b, 0), look_to_scene(c, f, l->centre, 1);
     v_cross(n, A, B), v_unit(n);
     for (int k = 0; k < 3; k++)
         to[k] = f->origin[k] + (a->f.len_u * f->u[k] + a->f.len_v * f->v[k]) / 2 - c[k];
@@ -246,7 +240,7 @@ static void body(FILE *o, const analysis *a, const ilf_luminaire *l, const char 
     double d[3], e[3];
 
     if (l->far) {
-        v_sub(e, l->centre, middle), to_scene(d, frame_of(a), e, 0), v_unit(d);
+        v_sub(e, l->centre, middle), look_to_scene(d, frame_of(a), e, 0), v_unit(d);
         fprintf(o, "%s source lamp_%d\n0\n0\n4 %.9g %.9g %.9g %.9g\n", material, number, d[0], d[1], d[2],
                 2 * ilf_luminaire_cone(l, middle) * 180 / pi);
     } else if (l->shape == ILF_SPHERE) {
@@ -258,7 +252,7 @@ static void body(FILE *o, const analysis *a, const ilf_luminaire *l, const char 
 }
 
 /* A lamp's patterns, one upon the other, its light, and its body; *k counts all masks. */
-static void one_lamp(FILE *o, const char *dir, const analysis *a, const ilf_luminaire *l, int number, int *k)
+static void one_lamp(FILE *o, const char *base, const analysis *a, const ilf_luminaire *l, int number, int *k)
 {
     char above[64] = "void", material[64];
 
@@ -268,9 +262,9 @@ static void one_lamp(FILE *o, const char *dir, const analysis *a, const ilf_lumi
         ++*k;
         if (!is_pattern(m, l)) continue;
         if (has_picture(m))
-            fprintf(o, "%s brightdata mask_%d\n5 m%d %s/mask.%d.dat %s/lamps.cal m%d_y m%d_x\n0\n0\n", above,
-                    *k, *k, dir, *k, dir, *k, *k);
-        else fprintf(o, "%s brightfunc mask_%d\n2 m%d %s/lamps.cal\n0\n0\n", above, *k, *k, dir);
+            fprintf(o, "%s brightdata mask_%d\n5 m%d %smask.%d.dat %slamps.cal m%d_y m%d_x\n0\n0\n", above,
+                    *k, *k, base, *k, base, *k, *k);
+        else fprintf(o, "%s brightfunc mask_%d\n2 m%d %slamps.cal\n0\n0\n", above, *k, *k, base);
         (void)!snprintf(above, sizeof above, "mask_%d", *k);
     }
     (void)!snprintf(material, sizeof material, "light_%d", number);
@@ -279,7 +273,7 @@ static void one_lamp(FILE *o, const char *dir, const analysis *a, const ilf_lumi
     body(o, a, l, material, number);
 }
 
-static void fill_lamps(FILE *o, const char *dir, const analysis *a, const void *line)
+static void fill_lamps(FILE *o, const char *base, const analysis *a, const void *line)
 {
     int k = 0, number = 0;
 
@@ -288,7 +282,7 @@ static void fill_lamps(FILE *o, const char *dir, const analysis *a, const void *
         const ilf_luminaire *l = &a->lamps[i].l.s.l;
         if (a->lamps[i].fate != TAKEN) continue;
         number++;
-        if (!lamp_is_out(l)) one_lamp(o, dir, a, l, number, &k);
+        if (!lamp_is_out(l)) one_lamp(o, base, a, l, number, &k);
         else {
             fprintf(o, "\n# lamp %d is put out\n", number);
             k += l->nmasks;
@@ -296,7 +290,7 @@ static void fill_lamps(FILE *o, const char *dir, const analysis *a, const void *
     }
 }
 
-static int write_data(const char *dir, const analysis *a, errmsg *e)
+static int write_data(const char *base, const analysis *a, errmsg *e)
 {
     char name[32];
     int k = 0;
@@ -306,7 +300,7 @@ static int write_data(const char *dir, const analysis *a, errmsg *e)
             const ilf_luminaire *l = &a->lamps[i].l.s.l;
             (void)!snprintf(name, sizeof name, "mask.%d.dat", ++k);
             if (is_pattern(&l->masks[j], l) && has_picture(&l->masks[j]) &&
-                write_text(dir, name, fill_data, a, &l->masks[j], e))
+                write_text(base, name, fill_data, a, &l->masks[j], e))
                 return -1;
         }
     return 0;
@@ -314,40 +308,29 @@ static int write_data(const char *dir, const analysis *a, errmsg *e)
 
 /* ---- what is left --------------------------------------------------------------------------------------- */
 
-static void fill_panorama(FILE *o, const char *dir, const analysis *a, const void *line)
+static void fill_panorama(FILE *o, const char *base, const analysis *a, const void *line)
 {
     const double *n = frame_of(a)->n;
 
-    fprintf(
-        o, "# %s\n\nvoid colorpict ilf_residual\n7 red green blue %s/residual.hdr %s/lamps.cal ilf_u ilf_v\n",
-        (const char *)line, dir, dir);
+    fprintf(o,
+            "# %s\n\nvoid colorpict ilf_residual\n7 red green blue %sresidual.hdr %slamps.cal ilf_u ilf_v\n",
+            (const char *)line, base, base);
     fprintf(o, "0\n0\nilf_residual glow ilf_glow\n0\n0\n4 1 1 1 0\n");
     fprintf(o, "ilf_glow source ilf_surroundings\n0\n0\n4 %.9g %.9g %.9g 180\n", n[0], n[1], n[2]);
 }
 
-/* The upper hemisphere as the plane's middle sees it: columns azimuth, rows polar angle, the first and the last ones
- * at the picture's very edges, as Radiance has them. */
-static int look_round(img *im, const ilf *residual, const analysis *a, errmsg *e)
+/* The upper hemisphere: columns azimuth, rows polar angle, the first and the last ones at the picture's very edges, as
+ * Radiance has them. */
+static void hemisphere(double d[3], int x, int y, const img *im, const ilf_frame *f)
 {
-    const double middle[3] = {a->f.len_u / 2, a->f.len_v / 2, 0};
-    double o[3], d[3];
-    ilf_error err;
+    const double p = .999999 * y * pi / 2 / (im->info.height - 1), t = x * 2 * pi / (im->info.width - 1) - pi;
+    const double local[3] = {sin(p) * cos(t), sin(p) * sin(t), cos(p)};
 
-    to_scene(o, frame_of(a), middle, 1);
-    for (int y = 0; y < im->info.height; y++)
-        for (int x = 0; x < im->info.width; x++) {
-            const double p = .999999 * y * pi / 2 / (im->info.height - 1);
-            const double t = x * 2 * pi / (im->info.width - 1) - pi;
-            const double local[3] = {sin(p) * cos(t), sin(p) * sin(t), cos(p)};
-            to_scene(d, frame_of(a), local, 0);
-            if (ilf_eval(im->pix + 3 * ((size_t)y * (size_t)im->info.width + (size_t)x), residual,
-                         ilf_get_frame(residual), o, d, NULL, ILF_NO_DEPTH, &err) != ILF_OK)
-                return err_set(e, "%s", err.text);
-        }
-    return 0;
+    look_to_scene(d, f, local, 0);
 }
 
-static int write_residual(const char *dir, const analysis *a, const char *line, errmsg *e)
+static int write_residual(const char *base, const analysis *a, const viewpoint *v, const char *line,
+                          errmsg *e)
 {
     const int rows = (int)fmax(LEAST_ROWS, ceil(a->f.np * pi / 2 / a->f.polar_max));
     char path[4096];
@@ -355,14 +338,14 @@ static int write_residual(const char *dir, const analysis *a, const char *line, 
     ilf *residual = NULL;
     ilf_error err;
     img im = {0};
-    int bad = out_begin(&o, in(path, sizeof path, dir, "residual.ilf.exr"), e);
+    int bad = out_begin(&o, in(path, sizeof path, base, "residual.ilf.exr"), e);
 
     if (bad) return -1;
     bad = lf_write(&a->f, out_path(o), line, e) || img_alloc(&im, 2 * rows, rows, 3, e);
     if (!bad && ilf_open(&residual, out_path(o), &err) != ILF_OK) bad = err_set(e, "%s", err.text);
-    if (!bad) bad = look_round(&im, residual, a, e);
+    if (!bad) bad = look_round(&im, residual, a, v, hemisphere, e);
     ilf_close(residual);
-    if (!bad) bad = img_write(&im, in(path, sizeof path, dir, "residual.hdr"), NULL, e);
+    if (!bad) bad = img_write(&im, in(path, sizeof path, base, "residual.hdr"), NULL, e);
     img_free(&im);
     if (!bad) return out_commit(o, e);
     out_abort(o);
@@ -371,37 +354,61 @@ static int write_residual(const char *dir, const analysis *a, const char *line, 
 
 /* ---- all of it -------------------------------------------------------------------------------------------- */
 
-static void say_left_out(const char *dir, const analysis *a)
+static void say_left_out(const char *path, const analysis *a)
 {
-    char what[256] = "";
+    char what[1024] = "";
     int number = 0;
 
-    for (int i = 0; i < a->n; i++) {
-        const ilf_luminaire *l = &a->lamps[i].l.s.l;
-        if (a->lamps[i].fate != TAKEN) continue;
-        number++;
-        for (int j = 0; j < l->nmasks; j++) {
-            const size_t n = strlen(what);
-            if (!is_pattern(&l->masks[j], l))
-                (void)!snprintf(what + n, sizeof what - n, "%slamp %d: %s", n ? ", " : "", number,
-                                l->masks[j].adds                     ? "what its masks leave"
-                                : l->masks[j].kind == ILF_MASK_STACK ? "twigs or leaves"
-                                                                     : "what hides it, at infinity");
-        }
-    }
-    if (what[0]) remark(dir, "left out, as Radiance has no pattern for it: %s", what);
+    for (int i = 0; i < a->n; i++)
+        if (a->lamps[i].fate == TAKEN)
+            export_left_out(what, sizeof what, ++number, &a->lamps[i].l.s.l, is_pattern);
+    if (what[0]) remark(path, "left out, as Radiance has no pattern for it: %s", what);
 }
 
-int exportrad_write(const char *dir, const analysis *a, const char *line, errmsg *e)
+static int without_blanks(const char *path, errmsg *e)
 {
-    if (strpbrk(dir, " \t\n#"))
-        return err_set(e, "%s: expected a folder's name without spaces, which Radiance's files can't hold",
-                       dir);
+    if (!strpbrk(path, " \t\n#")) return 0;
+    return err_set(e, "%s: expected a name without spaces, which Radiance's files can't hold", path);
+}
+
+static int write_beside(const char *base, const analysis *a, const viewpoint *v, const char *line, errmsg *e)
+{
+    return write_text(base, "lamps.cal", fill_cal, a, NULL, e) || write_data(base, a, e) ||
+                   write_residual(base, a, v, line, e)
+               ? -1
+               : 0;
+}
+
+int exportrad_write(const char *dir, const analysis *a, const viewpoint *v, const char *line, errmsg *e)
+{
+    char base[4000];
+
+    (void)!snprintf(base, sizeof base, "%s/", dir);
+    if (without_blanks(dir, e)) return -1;
     if (mkdir(dir, 0777) && errno != EEXIST) return err_errno(e, "%s", dir);
-    if (write_text(dir, "lamps.cal", fill_cal, a, NULL, e) || write_data(dir, a, e) ||
-        write_residual(dir, a, line, e) || write_text(dir, "panorama.rad", fill_panorama, a, line, e) ||
-        write_text(dir, "lamps.rad", fill_lamps, a, line, e))
+    if (write_beside(base, a, v, line, e) || write_text(base, "panorama.rad", fill_panorama, a, line, e) ||
+        write_text(base, "lamps.rad", fill_lamps, a, line, e))
         return -1;
     say_left_out(dir, a);
+    return 0;
+}
+
+static void fill_scene(FILE *o, const char *base, const analysis *a, const void *line)
+{
+    fill_lamps(o, base, a, line);
+    fprintf(o, "\n");
+    fill_panorama(o, base, a, line);
+}
+
+int exportrad_file(const char *path, const analysis *a, const viewpoint *v, const char *line, errmsg *e)
+{
+    const size_t n = strlen(path) - 3; /* up to the ending, its dot included */
+    char base[4000];
+
+    (void)!snprintf(base, sizeof base, "%.*s", (int)n, path);
+    if (without_blanks(path, e) || write_beside(base, a, v, line, e) ||
+        write_text(base, "rad", fill_scene, a, line, e))
+        return -1;
+    say_left_out(path, a);
     return 0;
 }

@@ -10,6 +10,7 @@
 #include "base/cli.h"
 #include "compose.h"
 #include "edit.h"
+#include "export.h"
 #include "exportrad.h"
 #include "output.h"
 #include "picture.h"
@@ -18,16 +19,18 @@
 #include "report.h"
 #include "taken.h"
 
-enum { MOST_LAMPS = 64, MOST_EDITS = 256, MAX_WIDTH = 15 };
+enum { MOST_LAMPS = 64, MOST_EDITS = 256, MOST_EXPORTS = 16, MAX_WIDTH = 15 };
 
 static const char *report, *rays, *radiance, *lamps, *geometry, *composed, *picture, *target, *exported,
-    *edits[MOST_EDITS];
+    *edits[MOST_EDITS], *exports[MOST_EXPORTS];
 static storage stored;
-static int n_edits, grid_u, grid_v, dry_run;
+static int n_edits, n_exports, grid_u, grid_v, dry_run, at_given;
+static viewpoint from;
 #define NOT_GIVEN (-1e9)
 #define DEGREE    57.29577951308232 /* in a radian */
-static double max_width = NOT_GIVEN;
+static double max_width = NOT_GIVEN, metres = NOT_GIVEN;
 #define LARGEST_ERROR .002
+static char *line; /* the command line, for files; here it is known to whoever looks for what is not freed */
 
 static int one_edit(const char *value, void *arg, errmsg *e)
 {
@@ -35,6 +38,21 @@ static int one_edit(const char *value, void *arg, errmsg *e)
     if (n_edits == MOST_EDITS) return err_set(e, "expected at most %d changes", MOST_EDITS);
     edits[n_edits++] = value;
     return 0;
+}
+
+static int one_export(const char *value, void *arg, errmsg *e)
+{
+    (void)arg;
+    if (n_exports == MOST_EXPORTS) return err_set(e, "expected at most %d files", MOST_EXPORTS);
+    exports[n_exports++] = value;
+    return export_check(value, e);
+}
+
+static int place(const char *value, void *arg, errmsg *e)
+{
+    (void)arg;
+    at_given = 1;
+    return cli_parse_doubles(from.at, 3, value, ",", e);
 }
 
 static int grid(const char *value, void *arg, errmsg *e)
@@ -101,6 +119,13 @@ static const cli_opt options[] = {
      "look half as wide again"},
     {"export-rad", 0, CLI_STRING, &exported, NULL, "DIR",
      "write lamps and what is left for Radiance programs without our patches: lamps.rad, panorama.rad, ..."},
+    {"export", 0, CLI_CALL, NULL, one_export, "FILE.usda|.rad|.json",
+     "write lamps and what is left for USD, for a Radiance without our patches, or every number of the "
+     "lamps; may be "
+     "repeated"},
+    {"at", 0, CLI_CALL, NULL, place, "X,Y,Z",
+     "place from which exported files see what is left, scene's coordinates (default: the plane's middle)"},
+    {"metres", 0, CLI_DOUBLE, &metres, NULL, "X", "metres in the scene's unit, for exported files"},
     {"dry-run", 0, CLI_FLAG, &dry_run, NULL, NULL, "check the options; read no light field, write nothing"},
     {"rays", 0, CLI_STRING, &rays, NULL, "FILE",
      "rays to evaluate: nine doubles each, as ilftrace's lines (with --radiance)"},
@@ -142,9 +167,14 @@ static void check_usage(int operands)
         cli_fail(CLI_USAGE, "--grid says how many probes --compose writes: expected --compose, too");
     if (max_width <= 0 && max_width > NOT_GIVEN)
         cli_fail(CLI_USAGE, "--max-width: expected more than 0 degrees, found %g", max_width);
-    if (!target && !report && !rays && !composed && !picture && !exported)
+    if (!target && !report && !rays && !composed && !picture && !exported && !n_exports)
+        cli_fail(CLI_USAGE, "nothing to write: expected -o, --compose, --report, --picture, --export, "
+                            "--export-rad or --radiance");
+    if (metres <= 0 && metres > NOT_GIVEN)
+        cli_fail(CLI_USAGE, "--metres: expected more than 0, found %g", metres);
+    if ((at_given || metres > 0) && !exported && !n_exports)
         cli_fail(CLI_USAGE,
-                 "nothing to write: expected -o, --compose, --report, --picture, --export-rad or --radiance");
+                 "--at and --metres are for what is exported: expected --export or --export-rad, too");
     if (stored.few.error > 0 && (!stored.fewer || stored.few.nu))
         cli_fail(CLI_USAGE, "--error goes with --probes auto: expected that, too");
     if (stored.few.error <= 0) stored.few.error = LARGEST_ERROR;
@@ -185,7 +215,8 @@ static void get_lamps(analysis *a, const char *path)
     errmsg e;
     int bad;
 
-    if (version_of(path) == ILF_FILE_VERSION) bad = analyse(a, path, &p, &e);
+    const int taken = version_of(path) != ILF_FILE_VERSION;
+    if (!taken) bad = analyse(a, path, &p, &e);
     else {
         if (lamps || max_width > 0)
             cli_fail(CLI_USAGE,
@@ -199,8 +230,9 @@ static void get_lamps(analysis *a, const char *path)
                      path);
         bad = taken_read(a, path, &e);
     }
-    /* probes between the old ones see what is left where it is */
-    if (!bad && (grid_u || stored.fewer) && !a->around.far && a->f.n > 1)
+    /* probes between the old ones, and whoever looks from elsewhere, see what is left where it is */
+    if (!bad && (n_exports || stored.fewer || (grid_u && taken)) && !a->around.far &&
+        (geometry || a->f.n > 1))
         bad = geometry ? surroundings_from(&a->around, geometry, &a->f, &e)
                        : surroundings_guess(&a->around, &a->f, &e);
     if (bad) cli_fail(CLI_FAILED, "%s", e.text);
@@ -211,7 +243,18 @@ static void get_lamps(analysis *a, const char *path)
     taken_first(a);
 }
 
-static void write_all(const analysis *a, const char *input, const char *line)
+static void write_exports(const analysis *a)
+{
+    errmsg e;
+
+    from.metres = metres > 0 ? metres : 0;
+    if (!at_given) look_from_middle(from.at, &a->f);
+    if (exported && exportrad_write(exported, a, &from, line, &e)) cli_fail(CLI_FAILED, "%s", e.text);
+    for (int k = 0; k < n_exports; k++)
+        if (export_write(exports[k], a, &from, line, &e)) cli_fail(CLI_FAILED, "%s", e.text);
+}
+
+static void write_all(const analysis *a, const char *input)
 {
     errmsg e;
     int n = 0;
@@ -220,15 +263,15 @@ static void write_all(const analysis *a, const char *input, const char *line)
         (rays && rays_evaluate(radiance, rays, input, a, &e)) ||
         (composed &&
          compose_write(composed, a, grid_u ? grid_u : a->f.nu, grid_v ? grid_v : a->f.nv, line, &e)) ||
-        (exported && exportrad_write(exported, a, line, &e)) ||
         (target && output_write(target, input, a, &stored, line, &n, &e)))
         cli_fail(CLI_FAILED, "%s", e.text);
+    write_exports(a);
     if (target && n == 0) cli_note("no lamp was taken out: %s is of version 1", target);
 }
 
 int main(int argc, char **argv)
 {
-    char *line = cli_command_line(&prog, argc, argv);
+    line = cli_command_line(&prog, argc, argv);
     const int n = cli_parse(&prog, argc, argv);
     analysis a;
     errmsg e;
@@ -239,7 +282,7 @@ int main(int argc, char **argv)
     get_lamps(&a, argv[1]);
     for (int k = 0; k < n_edits; k++)
         if (edit_lamp(&a, edits[k], &e)) cli_fail(CLI_USAGE, "%s", e.text);
-    write_all(&a, argv[1], line);
+    write_all(&a, argv[1]);
     free(line);
     analysis_free(&a);
     return cli_end(CLI_OK);
