@@ -14,6 +14,9 @@ from pathlib import Path
 import pytest
 from process import execute
 
+# The tests' own linear algebra is small, and its threads would wait for each other beside other workers; environment() takes this out again.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 TOP = Path(__file__).resolve().parent.parent
 BUILD = (TOP / os.environ.get("ILF_BUILD", "build")).resolve()
 BIN = BUILD / "bin"
@@ -91,7 +94,7 @@ def shared_case(name):
 
 def environment(**more):
     """The environment that `make env` prints."""
-    env = dict(os.environ)
+    env = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
     env["PATH"] = ":".join(dict.fromkeys([str(BIN), str(FETCHED), env.get("PATH", "")]))
     lib = ":".join(dict.fromkeys([str(BUILD / "lib"), str(TOP / "build" / "lib")]))
     env["RAYPATH"] = f".:{lib}"

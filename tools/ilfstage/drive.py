@@ -5,7 +5,7 @@ import numpy as np
 
 from . import solve
 
-DOWN = (1e-4, 1e-5, 1e-6)
+DOWN = (1e-3, 1e-4, 1e-5, 1e-6)
 NEARER = 2e-5, .01  # a ridge is small enough when a tenth of it makes errors smaller by no more, or by no more than this part of them
 LADDER = (1e-6, 1e-5, 1e-4, 4e-4, 1e-3, 4e-3, 1e-2, 4e-2)
 RISE = .025         # of the error, that noise in the matrix may bring (the aim is 3 points)
@@ -134,7 +134,7 @@ def few_lights(fitter, wanted, owner, most):
     """(k,) bool: channels of `most` lights.  owner: (k,) number of the light that a channel belongs to.
 
     Each light has a price by the output it was used with before (reweighted L1): what is used little is dear.  The price goes up until so few are
-    left.
+    left; places that a large step left free are given to those that lasted longest.
     """
     effect = np.sqrt((fitter.flat ** 2).sum(0))
     scale = max(np.linalg.norm(fitter.weighted(b)) for b in wanted)
@@ -143,14 +143,15 @@ def few_lights(fitter, wanted, owner, most):
         x = np.stack([fitter.fit(b, price)[0] for b in wanted]) - fitter.low
         return np.sqrt(np.bincount(owner, ((x * effect) ** 2).mean(0)))
     used, price = use(None), 1e-3
-    for _ in range(40):
+    lasted = used / used.max()          # how many rounds a light was worth its price, then how much it was used
+    for k in range(1, 60):
         keep = used > 1e-3 * used.max()
+        lasted[keep] = k + used[keep] / used.max()
         if keep.sum() <= most:
             break
         used = use(price * scale * effect * (used.max() / np.maximum(used, 1e-3 * used.max()))[owner] * .1)
         price *= 1.35
-    best = np.argsort(-used)[:most]
-    return np.isin(owner, best[used[best] > 0])
+    return np.isin(owner, np.argsort(-lasted)[:most])
 
 
 def coded(coding, fitter, x, wanted):
