@@ -21,6 +21,11 @@
 /* Light that is infinitely far away is put here, in units of the sampled rectangle's size. */
 #define FAR_AWAY 1e5
 
+double ilf_far_away(const ilf_frame *fr)
+{
+    return FAR_AWAY * (fr->len_u + fr->len_v);
+}
+
 static void direction(double d[3], double theta, double phi)
 {
     d[0] = sin(phi) * cos(theta);
@@ -80,7 +85,7 @@ static look look_along(const ilf_patches *pl, const double q[3], double theta, d
         l.part = -1;
         return l;
     }
-    l.t = FAR_AWAY * (fr->len_u + fr->len_v);
+    l.t = ilf_far_away(fr);
     for (int c = 0; c < 3; c++) l.p[c] = q[c] + l.t * d[c];
     return l;
 }
@@ -191,7 +196,7 @@ int ilf_make_patch(ilf_patches *pl, int i, int j, const int x[2], const int y[2]
     const double side = at_pole ? ILF_PI : fmin((0.5 * (x[1] - x[0]) + 0.5) * dt, ILF_PI);
     look l[MAX_LOOKS];
 
-    if (y[1] >= ilf_valid_rows(pl->field)) hi = fmax(hi, ILF_PI / 2);
+    if (y[1] >= ilf_patch_rows(pl)) hi = fmax(hi, ILF_PI / 2);
     hi = fmin(hi, ILF_PI);
     lo = at_pole ? 0 : fmax(lo, 0);
     /* a small patch by corners and middles of its sides; in a large one the geometry may be anything */

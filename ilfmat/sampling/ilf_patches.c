@@ -21,6 +21,9 @@
 /* A sampled rectangle is at least so many cubes of space across. */
 #define CUBES_ACROSS 24
 
+/* Width of a cell of the map, radians: sqrt(2 pi) / 256. */
+#define CELL_WIDTH 0.0098
+
 /* ---- texels --------------------------------------------------------------------------------- */
 
 /* An upper bound of the row's values: the bits of positive floats and halves order as integers do. */
@@ -56,12 +59,17 @@ static double texel_luminance(const ilf *f, const unsigned char *row, int x)
     return ilf_luminance(rgb);
 }
 
-int ilf_valid_rows(const ilf *f)
+static int rows_to(const ilf *f, double polar)
 {
-    const double edge = fmin(f->info.polar_valid, ILF_PI / 2) * f->info.n_phi / f->info.polar_max - 0.5;
+    const double edge = fmin(f->info.polar_valid, polar) * f->info.n_phi / f->info.polar_max - 0.5;
     const int rows = (int)ceil(edge) + 1;
 
     return rows < 1 ? 1 : rows > f->info.n_phi ? f->info.n_phi : rows;
+}
+
+int ilf_patch_rows(const ilf_patches *pl)
+{
+    return rows_to(pl->field, pl->mode == ILF_DEPTH ? ILF_PI : ILF_PI / 2);
 }
 
 /* Mean over the hemisphere of what a few probes spread over the grid (a threshold needs no more) have of
@@ -69,7 +77,7 @@ int ilf_valid_rows(const ilf *f)
  * bright ones begin. */
 static ilf_status mean_luminance(double *mean, const ilf *f, ilf_error *err)
 {
-    const int most = MEAN_PROBES, rows = ilf_valid_rows(f), n_u = f->info.n_u, n_v = f->info.n_v;
+    const int most = MEAN_PROBES, rows = rows_to(f, ILF_PI / 2), n_u = f->info.n_u, n_v = f->info.n_v;
     const int k_u = n_u < most ? n_u : most, k_v = n_v < most ? n_v : most;
     double sum = 0, omega = 0;
 
@@ -141,7 +149,7 @@ static ilf_status probe_patches(ilf_patches *pl, int i, int j, double size, floa
 {
     const ilf *f = pl->field;
     const double dt = 2 * ILF_PI / f->info.n_theta, dp = f->info.polar_max / f->info.n_phi;
-    const int rows = ilf_valid_rows(f), by = dp >= size ? 1 : (int)fmin(size / dp + 0.5, rows);
+    const int rows = ilf_patch_rows(pl), by = dp >= size ? 1 : (int)fmin(size / dp + 0.5, rows);
     const unsigned char *pix;
     void *own;
     ilf_status st = ilf_peek_probe(f, (int64_t)j * f->info.n_u + i, &pix, &own, err);
@@ -207,6 +215,31 @@ static double cube_edge(const ilf *f, const ilf_frame *frame)
            sqrt(frame->len_v / (n_v > CUBES_ACROSS ? n_v : CUBES_ACROSS));
 }
 
+static int by_size(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* One probe's rectangle has no meaning: it holds everywhere.  What matters is how far away its light is. */
+static ilf_status cube_of_one_probe(ilf_patches *pl, ilf_error *err)
+{
+    const float u = (float)pl->frame.len_u / 2, v = (float)pl->frame.len_v / 2; /* where it stands */
+    float *far = malloc(pl->n * sizeof *far);
+
+    if (!far) return ilf_fail(err, ILF_ERR_MEMORY, "%s: no memory for sampling", pl->field->path);
+    for (size_t k = 0; k < pl->n; k++) {
+        const patch *p = &pl->p[k];
+        far[k] = sqrtf((p->u - u) * (p->u - u) + (p->v - v) * (p->v - v) + p->n * p->n);
+    }
+    qsort(far, pl->n, sizeof *far, by_size);
+    const double middle = (double)far[pl->n / 2];
+    if (middle > 0 && middle < ilf_far_away(&pl->frame) / 2) pl->cube = middle * CELL_WIDTH;
+    free(far);
+    return ILF_OK;
+}
+
 void ilf_patches_close(ilf_patches *pl)
 {
     if (!pl) return;
@@ -235,6 +268,8 @@ static ilf_status fill(ilf_patches *pl, const ilf_patches_spec *spec, ilf_error 
              lamps_luminance(pl->field)); /* 0 where these probes have no light: what others have is excess */
     }
     if (st == ILF_OK) st = list_patches(pl, err);
+    if (st == ILF_OK && pl->n && spec->cube <= 0 && pl->field->info.n_u * pl->field->info.n_v == 1)
+        st = cube_of_one_probe(pl, err);
     if (st == ILF_OK && ilf_patches_count(pl) && spec->n_balls)
         st = ilf_glint_balls_open(&pl->balls, pl, spec->balls, spec->n_balls, err);
     pl->hit = NULL;

@@ -5,8 +5,9 @@
 
 #include "ilf_sampler.h"
 
-/* Slots of the table at first; cubes that are kept (a slice takes some 10 kB, rarely up to 900 kB). */
-enum { TABLE_START = 1 << 10, MAX_CUBES = 1 << 18 };
+/* Slots of the table at first; bytes of slices that are kept. A slice takes some 10 kB for lamps, 900 kB where all directions are
+ * bright, and one probe's cubes may be small beside its room. */
+enum { TABLE_START = 1 << 10, MOST_BYTES = 512 << 20 };
 
 /* A cube's number as a double is exact up to there. */
 #define MOST_CUBES_OFF 1e15
@@ -84,16 +85,16 @@ static size_t find(ilf_slice *const *table, size_t size, const int64_t key[3])
     return k;
 }
 
-/* Keep the table at most half full; a very large scene starts anew. */
+/* Keep the table at most half full; where slices have become too many, begin anew. */
 static int make_room(ilf_sampler *s)
 {
-    if (2 * s->used < s->table_size) return 0;
-    if (s->used >= MAX_CUBES && !s->busy) {
+    if (s->bytes >= MOST_BYTES && !s->busy) {
         for (size_t k = 0; k < s->table_size; k++) free(s->table[k]);
         memset(s->table, 0, s->table_size * sizeof *s->table);
-        s->used = 0;
+        s->used = s->bytes = 0;
         return 0;
     }
+    if (2 * s->used < s->table_size) return 0;
     const size_t size = 2 * s->table_size;
     ilf_slice **t = calloc(size, sizeof *t);
     if (!t) return -1;
@@ -126,7 +127,7 @@ ilf_status ilf_sampler_cube(ilf_slice **slice, ilf_sampler *s, const double poin
         k = find(s->table, s->table_size, key);
         const ilf_status st = ilf_build_slice(&s->table[k], s, key, err);
         if (st != ILF_OK) return st;
-        s->used++;
+        s->used++, s->bytes += ilf_slice_bytes(s->of, (size_t)s->table[k]->cells);
     }
     *slice = s->table[k];
     return ILF_OK;

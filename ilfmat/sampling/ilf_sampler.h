@@ -71,7 +71,7 @@ struct ilf_slice {
 struct ilf_sampler {
     const ilf_patches *of;
     ilf_slice **table; /* open addressing, table_size a power of two */
-    size_t table_size, used;
+    size_t table_size, used, bytes;
     int busy; /* rays being traced for points: their slices must stay */
     ilf_work work;
     ilf_scratch *scratch;
@@ -89,12 +89,16 @@ struct ilf_sampler {
 /* No weight is 0: a slice may see the faintest patch alone. */
 #define LEAST_WEIGHT 1e-30
 
-/* Rows of a probe that lookups above the plane can reach. */
-int ilf_valid_rows(const ilf *field);
+/* Rows of a probe that may light a point: those above the plane, and with depth correction those below it, too: from a
+ * point under the plane a rising ray may meet what the probe sees under its horizon. */
+int ilf_patch_rows(const ilf_patches *patches);
 
 /* Add the balls for texels [x[0], x[1]) x [y[0], y[1]) of probe (i, j) to the list; not 0 for want of memory.
  */
 int ilf_make_patch(ilf_patches *patches, int i, int j, const int x[2], const int y[2], double excess);
+
+/* Where light that is infinitely far away is put: its distance from the plane's corner. */
+double ilf_far_away(const ilf_frame *frame);
 
 /* The largest bilinear weight that a patch's probe has anywhere in the cube (or ball) of half edge r around
  * x, plane's coordinates; 0 where the patch is not seen. */
@@ -106,6 +110,9 @@ float (*ilf_cell_centres(int side))[3];
 /* The slice of the cube around a point, though nothing of the texels may be bright there (cells is 0); owned
  * by the sampler, valid until the next call. */
 ilf_status ilf_sampler_cube(ilf_slice **slice, ilf_sampler *s, const double point[3], ilf_error *err);
+
+/* Memory of a slice with so many cells. */
+size_t ilf_slice_bytes(const ilf_patches *patches, size_t cells);
 
 /* Build the slice that the cube `key` sees; to be freed with free(). */
 ilf_status ilf_build_slice(ilf_slice **slice, ilf_sampler *s, const int64_t key[3], ilf_error *err);

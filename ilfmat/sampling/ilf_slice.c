@@ -213,11 +213,17 @@ static ilf_status sharpen(ilf_sampler *s, int touched, const int64_t key[3], ilf
     return ILF_OK;
 }
 
+size_t ilf_slice_bytes(const ilf_patches *patches, size_t cells)
+{
+    return sizeof(ilf_slice) + (size_t)patches->field->n_lamps * sizeof(slice_past) +
+           (3 * cells + 1) * sizeof(float) + cells * sizeof(uint16_t);
+}
+
 /* Turn the touched cells into a slice. */
 static ilf_slice *collect(ilf_sampler *s, int touched)
 {
     const size_t n = (size_t)touched, past = (size_t)s->of->field->n_lamps * sizeof(slice_past);
-    ilf_slice *sl = malloc(sizeof *sl + past + (3 * n + 1) * sizeof(float) + n * sizeof(uint16_t));
+    ilf_slice *sl = malloc(ilf_slice_bytes(s->of, n));
     double total = 0;
 
     if (!sl) return NULL;
