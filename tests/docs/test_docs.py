@@ -155,8 +155,8 @@ def test_the_formats_c_compiles(tmp_path):
 # make tutorial runs all of it; here, with few pixels, what is neither the capture nor needs it.
 
 TUTORIAL = TOP / "docs" / "TUTORIAL.md"
-SMALLER = [("--size 160", "--size 48"), ("-x 320 -y 240", "-x 24 -y 18"), ("-ad 128", "-ad 16"), ("-x 256 -y 256", "-x 32 -y 32"),
-           ("-x 512 -y 256 front.hdr 0 0 back.hdr 256 0", "-x 64 -y 32 front.hdr 0 0 back.hdr 32 0")]
+SMALLER = [("--size 160", "--size 48"), ("-x 320 -y 240", "-x 24 -y 18"), ("-ad 128", "-ad 16"), ("-x 512 -y 512", "-x 64 -y 64"),
+           ("-x 1024 -y 512 front.hdr 0 0 back.hdr 512 0", "-x 128 -y 64 front.hdr 0 0 back.hdr 64 0")]
 
 
 def few_pixels(words):
