@@ -17,7 +17,8 @@ CARDED = rooms.Room([rooms.lamp(*YELLOW), rooms.lamp(*BLUE), rooms.tilted(YELLOW
 
 def write_picture(path, rgb):
     import OpenEXR
-    with OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}, {"RGB": np.ascontiguousarray(rgb, np.float32)}) as f:
+    with OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION},
+                      {"RGBA" if rgb.shape[-1] == 4 else "RGB": np.ascontiguousarray(rgb, np.float32)}) as f:
         f.write(str(path))
 
 
@@ -224,6 +225,28 @@ def test_lamps_may_stay_in(shoot):
     field, texels = read_mosaic(shoot.folder / "kept.ilf.exr")
     probes = unmosaic(texels, 5, 5)
     assert probes.max() > 500                                      # a lamp's texels
+
+
+# ---- holes ----------------------------------------------------------------------------------------------
+
+def test_holes_are_filled_from_the_other_pictures(tmp_path):
+    """Behind each camera stands its operator, 50 degrees wide and 60 high, of whom alpha says that he is none of the room; every third hides a
+    lamp.  The light is that of pictures without holes: no lamp is dimmer for it, and walls go on behind him as the others saw them."""
+    room = rooms.Room([rooms.lamp(*YELLOW), rooms.lamp(*BLUE)], amp=.3, cell=.7)
+    rng, rows, n = np.random.default_rng(5), 96, 10
+    poses = np.c_[rng.uniform(-.5, .5, (n, 2)), rng.uniform(0, .04, n), rng.uniform(-180, 180, n), np.zeros((n, 2))]
+    y, x = np.mgrid[0:rows, 0:2 * rows] + .5
+    for k, p in enumerate(poses):
+        picture = room.panorama(p[:3], rows, *p[3:])
+        lamp = x[np.unravel_index(np.argmax(picture.sum(-1)), x.shape)]
+        behind = lamp if k % 3 == 0 else rng.uniform(0, 2 * rows)
+        seen = (abs((x - behind + rows) % (2 * rows) - rows) > rows * 25 / 180) | (y < rows * 30 / 180)
+        write_picture(tmp_path / f"shot_{k:02}.exr", np.dstack([picture * seen[..., None], seen]))
+    write_table(tmp_path / "poses.txt", poses)
+    r = run("ilfpack", "--positions", tmp_path / "poses.txt", "--refine", "never", "--plane", "-.5 -.5 0 1 0 0 0 1 0", "-o", tmp_path / "o.ilf.exr")
+    assert "holes (alpha 0) of" in r.err and "holes are filled from other pictures" in r.err and "2 of 2 lamps found taken out" in r.err
+    error = irradiance(rooms.Score(room, patches=3, heights=(.02, .3), most=2500, rest=1500), tmp_path / "o.ilf.exr")
+    assert max(error.values()) < .7, error
 
 
 # ---- refusals -------------------------------------------------------------------------------------------

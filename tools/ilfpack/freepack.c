@@ -11,12 +11,15 @@
 #include "base/cli.h"
 #include "base/outfile.h"
 #include "freereport.h"
+#include "gaps.h"
+#include "ilflamps/blobs.h"
 #include "ilflamps/compose.h"
 #include "ilflamps/taken.h"
 #include "regrid.h"
 #include "support.h"
 
 enum { MOST_LAMPS = 32 };
+#define BRIGHT    15.                      /* times the typical luminance: a lamp */
 #define MAX_WIDTH (15 / 57.29577951308232) /* lamps that look wider stay in the field, radians */
 #define STRANGE   .02                      /* log luminance: a picture that disagrees more is said */
 #define FAR       1.5                      /* mean distances between pictures: a node beyond is said */
@@ -95,6 +98,24 @@ int freepack_check(const freeplan *p, char *const *pictures, int n, errmsg *e)
 static int load(job *j, lightfield *f, errmsg *e)
 {
     return shots_load(f, &j->facts, j->pictures, j->at.p, j->n, &j->frame, &j->p->how, e);
+}
+
+/* What pictures did not see, from those that did. */
+static int fill_gaps(job *j, lightfield *f, errmsg *e)
+{
+    surroundings around = {0};
+    double part;
+
+    if (!f->unseen) return 0;
+    if (j->p->octree ? surroundings_from(&around, j->p->octree, f, e) : surroundings_guess(&around, f, e))
+        return -1;
+    const int bad = gaps_fill(&part, f, &around, BRIGHT * blobs_typical(f), e);
+    surroundings_free(&around);
+    if (!bad)
+        cli_note("holes are filled from other pictures that saw the same place of the surroundings (%.3g %% "
+                 "of them)%s",
+                 100 * part, part < 1 ? ", else from around them" : "");
+    return bad;
 }
 
 static int find_lamps(job *j, lightfield *f, errmsg *e)
@@ -190,9 +211,7 @@ static void say_pictures(const job *j)
         cli_note("pictures of %dx%d pixels are reduced by %d", j->facts.width, j->facts.height,
                  j->facts.factor);
     if (j->facts.holes > 0)
-        cli_note("%s: transparent in %.3g %% of its solid angle above the horizon, the most of all pictures: "
-                 "filled "
-                 "from around them",
+        cli_note("%s: holes (alpha 0) of %.3g %% of its solid angle, the most of all pictures",
                  j->facts.holes_of, 100 * j->facts.holes);
 }
 
@@ -272,13 +291,16 @@ int freepack(const freeplan *p, char *const *pictures, int n, errmsg *e)
 
     if (!bad) {
         say_plan(&j), say_pictures(&j);
-        bad = refine(&j.poses, &f, j.at.p, j.pictures, p->octree, p->refine, e);
+        bad = gaps_close(&f, BRIGHT * blobs_typical(&f), e) ||
+              refine(&j.poses, &f, j.at.p, j.pictures, p->octree, p->refine, e);
         if (bad) lf_free(&f);
     }
     if (!bad) {
         say_poses(&j);
         if (j.poses.tried) say_strangers(&j);
-        bad = find_lamps(&j, &f, e);
+        bad = fill_gaps(&j, &f, e);
+        if (bad) lf_free(&f);
+        else bad = find_lamps(&j, &f, e);
     }
     if (!bad) {
         j.nodes = calloc((size_t)(j.n_u * j.n_v), sizeof *j.nodes);
