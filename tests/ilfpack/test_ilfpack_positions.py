@@ -249,6 +249,36 @@ def test_holes_are_filled_from_the_other_pictures(tmp_path):
     assert max(error.values()) < .7, error
 
 
+# ---- headings that nobody knows -------------------------------------------------------------------------
+
+@pytest.fixture(scope="session")
+def lit(tmp_path_factory):
+    room = rooms.Room([rooms.lamp(*YELLOW), rooms.lamp(*BLUE)], amp=.3, cell=.7)
+    return Shoot(tmp_path_factory.mktemp("lit"), room, n=8, rows=96, seed=6)
+
+
+def headless(shoot, name, poses):
+    (shoot.folder / f"{name}.txt").write_text("".join(f"shot_{k:02}.exr {x:.6g} {y:.6g} {z:.6g} ? {p:.6g} {r:.6g}\n"
+                                                      for k, (x, y, z, _, p, r) in enumerate(poses)))
+    return f"{name}.txt"
+
+
+def test_headings_are_found_by_a_lamp(lit):
+    r, report = lit.pack(headless(lit, "unknown", lit.poses), "--refine", "never", name="unknown")
+    assert "8 headings found by a lamp" in r.err
+    off, turn = left(lit, report)
+    assert np.abs(off).max() < 1e-6 and np.abs(turn).max() < .6, turn      # of texels 1.9 degrees wide
+
+
+def test_headings_that_can_not_be_found_are_refused(lit, small):
+    r, _ = lit.pack(headless(lit, "mirrored", lit.poses * (-1, 1, 1, 1, 1, 1)), "--refine", "never", name="mirrored", code=0)
+    assert "still disagree" in r.err           # the lamp is there, the walls are not: kept, as asked, and said
+    r, _ = lit.pack("mirrored.txt", name="mirrored2", code=1)
+    assert "expected pictures that agree at their places" in r.err
+    r, _ = small.pack(headless(small, "dark", small.poses), name="dark", code=1)
+    assert "expected headings, or a lamp that four pictures see, found one that 0 see" in r.err
+
+
 # ---- refusals -------------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize("text, args, code, words", [

@@ -12,6 +12,7 @@
 #include "base/outfile.h"
 #include "freereport.h"
 #include "gaps.h"
+#include "headings.h"
 #include "ilflamps/blobs.h"
 #include "ilflamps/compose.h"
 #include "ilflamps/taken.h"
@@ -21,8 +22,9 @@
 enum { MOST_LAMPS = 32 };
 #define BRIGHT    15.                      /* times the typical luminance: a lamp */
 #define MAX_WIDTH (15 / 57.29577951308232) /* lamps that look wider stay in the field, radians */
-#define STRANGE   .02                      /* log luminance: a picture that disagrees more is said */
-#define FAR       1.5                      /* mean distances between pictures: a node beyond is said */
+#define WRONG     .1  /* log luminance: pictures that disagree so much are not where the file has them */
+#define STRANGE   .02 /* log luminance: a picture that disagrees more is said */
+#define FAR       1.5 /* mean distances between pictures: a node beyond is said */
 
 typedef struct job {
     const freeplan *p;
@@ -33,6 +35,7 @@ typedef struct job {
     ilf_frame frame;
     int n_u, n_v;
     shotfacts facts;
+    headings headings;
     refined poses;
     analysis a;
     reach *nodes;
@@ -231,11 +234,18 @@ static void say_poses(const job *j)
     const refined *r = &j->poses;
     const double deg = 180 / 3.14159265358979323846;
 
+    if (j->headings.n)
+        cli_note("%s: %d headings found by a lamp, whose heights in the pictures meet to %.2g degrees",
+                 j->p->positions, j->headings.n, j->headings.misfit * deg);
+
     for (int k = 0; k < r->wrong.n; k++)
         cli_warn("%s: %s%s (its picture disagrees with the others by %.2g %%, so by %.2g %%)",
                  j->p->positions, r->wrong.s[k].words,
                  j->p->refine == REFINE_NEVER ? "? Kept as given" : ": taken so", 100 * r->wrong.s[k].before,
                  100 * r->wrong.s[k].after);
+    if (r->wrong.others > WRONG)
+        cli_warn("%s: pictures still disagree at their places by %.2g %% (median of all)", j->p->positions,
+                 100 * r->wrong.others);
     if (j->n > REFINE_MOST && j->p->refine != REFINE_NEVER)
         cli_note("poses are as given: of more than %d pictures none is refined", (int)REFINE_MOST);
     if (!r->tried) return;
@@ -292,6 +302,7 @@ int freepack(const freeplan *p, char *const *pictures, int n, errmsg *e)
     if (!bad) {
         say_plan(&j), say_pictures(&j);
         bad = gaps_close(&f, BRIGHT * blobs_typical(&f), e) ||
+              headings_find(&j.headings, &f, j.at.p, j.pictures, p->positions, e) ||
               refine(&j.poses, &f, j.at.p, j.pictures, p->octree, p->refine, e);
         if (bad) lf_free(&f);
     }

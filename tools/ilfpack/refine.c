@@ -14,6 +14,7 @@ enum { FEWEST = 4 };
 #define BRIGHT 15.  /* times the typical luminance: no wall */
 #define PLACES .006 /* what is given is about so sure: sizes of the plane, */
 #define TURNS  .01  /* radians, */
+#define FOUND  .05  /* headings that a lamp told, radians */
 #define GAINS  .05  /* relative */
 #define HELPS  .85  /* part of the pictures' disagreement that must be left at most */
 #define SURELY 4.   /* standard errors that a correction must have, rms */
@@ -70,9 +71,9 @@ static int put_right(refined *r, evidence *x, lightfield *f, place *at, char *co
     return find_landmarks(&x->l, octree, f, e);
 }
 
-static int solve(refined *r, evidence *x, lightfield *f, refining how, errmsg *e)
+static int solve(refined *r, evidence *x, lightfield *f, const double *heading, refining how, errmsg *e)
 {
-    const poseplan plan = {PLACES * f->size, TURNS, GAINS};
+    const poseplan plan = {PLACES * f->size, TURNS, GAINS, heading};
     const size_t where = (size_t)f->n * sizeof *f->pos, turns = (size_t)f->n * sizeof *f->turn;
     double(*pos)[3] = malloc(where), (*turn)[9] = malloc(turns);
     int bad = pos && turn ? 0 : err_set(e, "no memory for poses");
@@ -92,6 +93,18 @@ static int solve(refined *r, evidence *x, lightfield *f, refining how, errmsg *e
     return bad;
 }
 
+/* Headings that a lamp told are less sure than those that were written down. */
+static int solve_from(refined *r, evidence *x, lightfield *f, const place *at, refining how, errmsg *e)
+{
+    double *heading = malloc((size_t)f->n * sizeof *heading);
+
+    if (!heading) return err_set(e, "no memory for poses");
+    for (int k = 0; k < f->n; k++) heading[k] = at[k].unknown ? FOUND : TURNS;
+    const int bad = solve(r, x, f, heading, how, e);
+    free(heading);
+    return bad;
+}
+
 int refine(refined *r, lightfield *f, place *at, char *const *pictures, const char *octree, refining how,
            errmsg *e)
 {
@@ -101,7 +114,7 @@ int refine(refined *r, lightfield *f, place *at, char *const *pictures, const ch
     memset(r, 0, sizeof *r);
     if (f->n < FEWEST) return 0;
     bad = evidence_make(&x, f, octree, e) || put_right(r, &x, f, at, pictures, octree, how, e);
-    if (!bad && how != REFINE_NEVER && f->n <= REFINE_MOST) bad = solve(r, &x, f, how, e);
+    if (!bad && how != REFINE_NEVER && f->n <= REFINE_MOST) bad = solve_from(r, &x, f, at, how, e);
     for (int k = 0; k < f->n && !bad && r->applied; k++) shots_place(&at[k], f, k);
     evidence_free(&x);
     if (bad) refined_free(r);
