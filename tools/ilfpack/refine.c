@@ -11,13 +11,15 @@
 #include "shots.h"
 
 enum { FEWEST = 4 };
-#define BRIGHT 15.  /* times the typical luminance: no wall */
-#define PLACES .006 /* what is given is about so sure: sizes of the plane, */
-#define TURNS  .01  /* radians, */
-#define FOUND  .05  /* headings that a lamp told, radians */
-#define GAINS  .05  /* relative */
-#define HELPS  .85  /* part of the pictures' disagreement that must be left at most */
-#define SURELY 4.   /* standard errors that a correction must have, rms */
+#define BRIGHT  15.  /* times the typical luminance: no wall */
+#define PLACES  .006 /* what is given is about so sure: sizes of the plane, */
+#define TURNS   .01  /* radians, */
+#define FOUND   .05  /* headings that a lamp told, radians */
+#define GAINS   .05  /* relative */
+#define HELPS   .85  /* part of the pictures' disagreement that must be left at most */
+#define UNHEARD .85  /* part of the disagreement that is left without creases where they are wrong */
+#define HALVES  .5   /* the same where no more is asked */
+#define SURELY  4.   /* standard errors that a correction must have, rms */
 
 static int find_landmarks(landmarks *l, const char *octree, const lightfield *f, errmsg *e)
 {
@@ -71,6 +73,35 @@ static int put_right(refined *r, evidence *x, lightfield *f, place *at, char *co
     return find_landmarks(&x->l, octree, f, e);
 }
 
+/* Creases alone say how all pictures stand together; on walls with patterns beside them they may be wrong by much of
+ * a texel.  Then the walls' points disagree more with them than without them, and they are not heard.  pos, turn:
+ * places as given; the field has them again, or the solution. */
+static int without_creases(poses *found, evidence *x, lightfield *f, const poseplan *plan,
+                           const double (*pos)[3], const double (*turn)[9], errmsg *e)
+{
+    const size_t where = (size_t)f->n * sizeof *f->pos, turns = (size_t)f->n * sizeof *f->turn;
+    const double after = found->after;
+    const int creases = x->l.creases;
+    double(*own_pos)[3] = malloc(where), (*own_turn)[9] = malloc(turns);
+    poses plain = {0};
+    int bad = own_pos && own_turn ? 0 : err_set(e, "no memory for poses");
+
+    if (!bad) {
+        memcpy(own_pos, f->pos, where), memcpy(own_turn, f->turn, turns);
+        memcpy(f->pos, pos, where), memcpy(f->turn, turn, turns);
+        x->l.n -= creases, x->l.creases = 0;
+        bad = poses_solve(&plain, f, &x->v, &x->l, plan, e);
+        x->l.n += creases, x->l.creases = creases;
+    }
+    if (!bad && plain.after < UNHEARD * after) {
+        poses_free(found);
+        *found = plain, memset(&plain, 0, sizeof plain);
+    } else if (!bad) memcpy(f->pos, own_pos, where), memcpy(f->turn, own_turn, turns);
+    poses_free(&plain);
+    free(own_pos), free(own_turn);
+    return bad;
+}
+
 static int solve(refined *r, evidence *x, lightfield *f, const double *heading, refining how, errmsg *e)
 {
     const poseplan plan = {PLACES * f->size, TURNS, GAINS, heading};
@@ -81,11 +112,15 @@ static int solve(refined *r, evidence *x, lightfield *f, const double *heading, 
     if (!bad) {
         memcpy(pos, f->pos, where), memcpy(turn, f->turn, turns);
         bad = poses_solve(&r->found, f, &x->v, &x->l, &plan, e);
+        if (!bad && x->l.creases && !x->l.movable) /* (a box that moves needs its edges) */
+            bad =
+                without_creases(&r->found, x, f, &plan, (const double(*)[3])pos, (const double(*)[9])turn, e);
     }
     if (!bad) {
         const double sure = summarise(r, f->n);
         r->tried = 1;
-        r->applied = how == REFINE_ALWAYS || (r->found.after < HELPS * r->found.before && sure > SURELY);
+        r->applied = how == REFINE_ALWAYS || (r->found.after < HELPS * r->found.before &&
+                                              (sure > SURELY || r->found.after < HALVES * r->found.before));
         if (r->applied) poses_expose(f, &r->found);
         else memcpy(f->pos, pos, where), memcpy(f->turn, turn, turns);
     }
