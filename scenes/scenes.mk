@@ -93,7 +93,7 @@ $(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hd
 	@$(PY) scenes/compare.py --reference "Photograph: the room itself=$(DEMO)/photo.hdr" \
 	    --picture "Incident light field, $(demo_NU) × $(demo_NV) probes=$(DEMO)/with_room.hdr" \
 	    $(if $(demo_LIT),--picture "With $(call lamps_in,$(DEMO)/room.lamps.ilf.exr)=$(demo_LIT)") \
-	    --picture "360° camera, $(words $(free_NAMES)) free places, $(call lamps_in,$(FREE)/field/room.ilf.exr)=$(DEMO)/with_free.hdr" \
+	    --picture "360° camera, $(words $(free_NAMES)) free places, $(subst ilflamps,ilfpack,$(call lamps_in,$(FREE)/field/room.ilf.exr))=$(DEMO)/with_free.hdr" \
 	    --picture "Single probe=$(DEMO)/with_single.hdr" --mask $(DEMO)/mask.hdr \
 	    --title "Two spotlights, captured by a virtual fisheye at $(demo_NU) × $(demo_NV) positions" \
 	    --extra "the light field: $(demo_NU) × $(demo_NV) probes, each the hemisphere as a map=$(DEMO)/room.mosaic.png" \
