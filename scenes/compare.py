@@ -249,7 +249,7 @@ def compare(a):
     if not a.quiet:
         for row in rows:
             if row[2].endswith("(all)"):
-                print(f"{row[0]}: {row[2][:-6]} {float(row[3]):.4f}")
+                print(f"{row[0]}: {row[2][:-6]} {float(row[3]):.4f}" + (f" ({row[4]:.1f} CPU s)" if row[4] != "" and row[2].startswith("rmse (") else ""))
 
 
 def show(a):

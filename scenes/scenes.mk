@@ -59,10 +59,41 @@ demo_LIGHT_photo := -ab 2 -aa .15 -ad 512 -as 128 -ar 64 -ds .05 -dj .8 -dt 0 -d
 demo_LIGHT_with  := $(PICT_ILF) -ad $(DEMO_AD)
 $(eval $(call light_field_pictures,demo))
 
-$(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(demo_LIT) $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
+# ---- the same without a stage: a 360-degree camera, put down at places that a list of them tells ------------------------
+# What such a camera stores is drawn, and goes the way that a user's panoramas go (panoramas.mk).  Who captures so has measured the
+# walls and no lamps: neither ilfpack nor the picture knows where those hang.
+FREE        := $(DEMO)/free
+free_NAMES  := $(shell sed -n 's/^\([^ \#]*\) .*/\1/p' $(SCENES)/positions.txt)
+free_LENS   := 384
+free_LIGHT  := -pj 0 -ab 2 -aa .2 -ad 512 -as 256 -ar 32 -ds .1 -dj .6 -dt 0 -dc 1 -w
+$(eval $(call settings,$(FREE)/camera.settings,$(free_LENS) $(free_LIGHT)))
+# (the capture has left the room's indirect light there)
+$(free_NAMES:%=$(FREE)/%): $(FREE)/%: $(DEMO)/stage.oct $(SCENES)/positions.txt scenes/dual.sh $(FREE)/camera.settings $(demo_READS) $(call made_by,rpict pcompos) | $(DEMO)/.taken $(FUNCTIONS)
+	@echo "  360-degree camera: $*"
+	@$(demo_RUN) sh scenes/dual.sh $< $(SCENES)/positions.txt $* $(DEMO)/views/room.amb $(free_LENS) $(free_LIGHT) -o $@
+$(FREE)/walls.oct: $(demo_PAINT) $(SCENES)/room.rad $(call made_by,oconv) | $(FUNCTIONS)
+	@mkdir -p $(@D)
+	@$(demo_RUN) oconv -f $(demo_PAINT) $(SCENES)/room.rad > $@.part
+	@mv $@.part $@
+$(FREE)/positions.txt: $(SCENES)/positions.txt
+	@mkdir -p $(@D)
+	@cp $< $@
+$(FREE)/.taken: $(free_NAMES:%=$(FREE)/%) $(FREE)/positions.txt $(FREE)/walls.oct $(call made_by,fishremap ilfpack)
+	+@$(a_make) --no-print-directory -C scenes PANORAMAS=$(TOP)/$(FREE)/positions.txt BUILD=$(TOP)/$(B) QUIET=--quiet
+	@touch $@
+$(FREE)/field/room.ilf.exr: $(FREE)/.taken ;
+demo_RENDER_with_free := $(demo_LIGHT_with)
+$(DEMO)/with_free.oct: $(FREE)/field/room.ilf.exr $(demo_PAINT) $(SCENES)/room.rad $(demo_TABLE) $(demo_OBJECTS) $(demo_READS) $(call made_by,oconv xform) | $(FUNCTIONS)
+	@{ printf 'void ilf room_light\n1 free/field/room.ilf.exr\n0\n0\n'; \
+	   $(demo_RUN) xform -m room_light $(SCENES)/room.rad; cat $(demo_TABLE) $(demo_OBJECTS); } > $(DEMO)/with_free.rad
+	@$(demo_RUN) oconv -f $(demo_PAINT) $(DEMO)/with_free.rad > $@.part
+	@mv $@.part $@
+
+$(DEMO)/demo.png: $(DEMO)/room.mosaic.png $(DEMO)/photo.hdr $(DEMO)/with_room.hdr $(demo_LIT) $(DEMO)/with_free.hdr $(DEMO)/with_single.hdr $(DEMO)/mask.hdr scenes/compare.py scenes/pictures.py scenes/rgbe.py | $(VENV)/.packages
 	@$(PY) scenes/compare.py --reference "Photograph: the room itself=$(DEMO)/photo.hdr" \
 	    --picture "Incident light field, $(demo_NU) × $(demo_NV) probes=$(DEMO)/with_room.hdr" \
 	    $(if $(demo_LIT),--picture "With $(call lamps_in,$(DEMO)/room.lamps.ilf.exr)=$(demo_LIT)") \
+	    --picture "360° camera, $(words $(free_NAMES)) free places, $(subst ilflamps,ilfpack,$(call lamps_in,$(FREE)/field/room.ilf.exr))=$(DEMO)/with_free.hdr" \
 	    --picture "Single probe=$(DEMO)/with_single.hdr" --mask $(DEMO)/mask.hdr \
 	    --title "Two spotlights, captured by a virtual fisheye at $(demo_NU) × $(demo_NV) positions" \
 	    --extra "the light field: $(demo_NU) × $(demo_NV) probes, each the hemisphere as a map=$(DEMO)/room.mosaic.png" \

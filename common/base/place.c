@@ -26,15 +26,32 @@ static char *take_name(char *line, const char **rest)
     return *name ? name : NULL;
 }
 
+/* A heading of "?" (the fourth word) becomes 0; 1 if it was one. */
+static int unknown_heading(char *rest)
+{
+    static const char blanks[] = " \t,;";
+
+    for (int k = 0; k < 3; k++) {
+        rest += strspn(rest, blanks);
+        rest += strcspn(rest, blanks);
+    }
+    rest += strspn(rest, blanks);
+    if (*rest != '?' || (rest[1] && !strchr(blanks, rest[1]))) return 0;
+    *rest = '0';
+    return 1;
+}
+
 int place_of_line(place *p, char **name, char *line, const char **rest)
 {
     double v[MOST_NUMBERS] = {0};
 
     *rest = "";
     *name = take_name(line, rest);
+    const int unknown = *name ? unknown_heading(line + (*rest - line)) : 0;
     const int n = *name ? text_numbers(v, MOST_NUMBERS, *rest) : -1;
     memset(p, 0, sizeof *p);
     memcpy(p->at, v, sizeof p->at);
+    p->unknown = unknown;
     p->heading = v[3], p->pitch = v[4], p->roll = v[5];
     return n;
 }

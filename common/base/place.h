@@ -4,7 +4,7 @@
  *     picture x y z heading [pitch roll]      # scene's unit, degrees; names with blanks in "quotes"
  *
  * heading is that of the picture's middle, counter-clockwise from +x about +z; then pitch (nose up), then
- * roll (right side down).  Angles that are missing are 0.
+ * roll (right side down).  Angles that are missing are 0; a heading of ? is not known.
  */
 #ifndef PLACE_H
 #define PLACE_H
@@ -14,6 +14,7 @@ typedef struct place {
     int line; /* of the file, from 1 */
     double at[3];
     double heading, pitch, roll; /* degrees */
+    int unknown;                 /* 1: nobody knows the heading; it is 0 then */
 } place;
 
 /* Read a line, which is cut in two: *name is the picture (NULL: none), *rest the numbers' text.  Sets p's numbers, its

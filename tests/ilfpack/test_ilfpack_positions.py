@@ -17,7 +17,8 @@ CARDED = rooms.Room([rooms.lamp(*YELLOW), rooms.lamp(*BLUE), rooms.tilted(YELLOW
 
 def write_picture(path, rgb):
     import OpenEXR
-    with OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}, {"RGB": np.ascontiguousarray(rgb, np.float32)}) as f:
+    with OpenEXR.File({"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION},
+                      {"RGBA" if rgb.shape[-1] == 4 else "RGB": np.ascontiguousarray(rgb, np.float32)}) as f:
         f.write(str(path))
 
 
@@ -224,6 +225,58 @@ def test_lamps_may_stay_in(shoot):
     field, texels = read_mosaic(shoot.folder / "kept.ilf.exr")
     probes = unmosaic(texels, 5, 5)
     assert probes.max() > 500                                      # a lamp's texels
+
+
+# ---- holes ----------------------------------------------------------------------------------------------
+
+def test_holes_are_filled_from_the_other_pictures(tmp_path):
+    """Behind each camera stands its operator, 50 degrees wide and 60 high, of whom alpha says that he is none of the room; every third hides a
+    lamp.  The light is that of pictures without holes: no lamp is dimmer for it, and walls go on behind him as the others saw them."""
+    room = rooms.Room([rooms.lamp(*YELLOW), rooms.lamp(*BLUE)], amp=.3, cell=.7)
+    rng, rows, n = np.random.default_rng(5), 96, 10
+    poses = np.c_[rng.uniform(-.5, .5, (n, 2)), rng.uniform(0, .04, n), rng.uniform(-180, 180, n), np.zeros((n, 2))]
+    y, x = np.mgrid[0:rows, 0:2 * rows] + .5
+    for k, p in enumerate(poses):
+        picture = room.panorama(p[:3], rows, *p[3:])
+        lamp = x[np.unravel_index(np.argmax(picture.sum(-1)), x.shape)]
+        behind = lamp if k % 3 == 0 else rng.uniform(0, 2 * rows)
+        seen = (abs((x - behind + rows) % (2 * rows) - rows) > rows * 25 / 180) | (y < rows * 30 / 180)
+        write_picture(tmp_path / f"shot_{k:02}.exr", np.dstack([picture * seen[..., None], seen]))
+    write_table(tmp_path / "poses.txt", poses)
+    r = run("ilfpack", "--positions", tmp_path / "poses.txt", "--refine", "never", "--plane", "-.5 -.5 0 1 0 0 0 1 0", "-o", tmp_path / "o.ilf.exr")
+    assert "holes (alpha 0) of" in r.err and "holes are filled from other pictures" in r.err and "2 of 2 lamps found taken out" in r.err
+    error = irradiance(rooms.Score(room, patches=3, heights=(.02, .3), most=2500, rest=1500), tmp_path / "o.ilf.exr")
+    assert max(error.values()) < .7, error
+
+
+# ---- headings that nobody knows -------------------------------------------------------------------------
+
+@pytest.fixture(scope="session")
+def lit(tmp_path_factory):
+    room = rooms.Room([rooms.lamp(*YELLOW), rooms.lamp(*BLUE)], amp=.3, cell=.7)
+    return Shoot(tmp_path_factory.mktemp("lit"), room, n=8, rows=96, seed=6)
+
+
+def headless(shoot, name, poses):
+    (shoot.folder / f"{name}.txt").write_text("".join(f"shot_{k:02}.exr {x:.6g} {y:.6g} {z:.6g} ? {p:.6g} {r:.6g}\n"
+                                                      for k, (x, y, z, _, p, r) in enumerate(poses)))
+    return f"{name}.txt"
+
+
+def test_headings_are_found_by_a_lamp(lit):
+    r, report = lit.pack(headless(lit, "unknown", lit.poses), "--refine", "never", name="unknown")
+    assert "8 headings found by a lamp" in r.err
+    off, turn = left(lit, report)
+    assert np.abs(off).max() < 1e-6 and np.abs(turn).max() < .6, turn      # of texels 1.9 degrees wide
+
+
+def test_headings_that_can_not_be_found_are_refused(lit, small):
+    r, _ = lit.pack(headless(lit, "mirrored", lit.poses * (-1, 1, 1, 1, 1, 1)), "--refine", "never", name="mirrored", code=0)
+    assert "still disagree" in r.err           # the lamp is there, the walls are not: kept, as asked, and said
+    r, _ = lit.pack("mirrored.txt", name="mirrored2", code=1)
+    assert "expected pictures that agree at their places" in r.err
+    r, _ = small.pack(headless(small, "dark", small.poses), name="dark", code=1)
+    assert "expected headings, or a lamp that four pictures see, found one that 0 see" in r.err
 
 
 # ---- refusals -------------------------------------------------------------------------------------------

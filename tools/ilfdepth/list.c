@@ -58,6 +58,9 @@ static int one_line(view *v, char *line, const char *folder, const char *path, i
         return err_set(
             e, "%s:%d: expected a picture, x y z and heading, maybe pitch and roll, found \"%s %.100s\"",
             path, number, line, rest);
+    if (p.unknown)
+        return err_set(e, "%s:%d: expected a heading, found ? (ilfpack --positions finds headings)", path,
+                       number);
     snprintf(v->name, sizeof v->name, "%.250s", name);
     memcpy(v->at, p.at, sizeof v->at);
     place_axes(v->axis, &p);

@@ -57,7 +57,7 @@ int lf_read(lightfield *f, const char *path, errmsg *e)
 
 void lf_free(lightfield *f)
 {
-    free(f->pos), free(f->turn), free(f->rgb);
+    free(f->pos), free(f->turn), free(f->rgb), free(f->unseen);
     memset(f, 0, sizeof *f);
 }
 

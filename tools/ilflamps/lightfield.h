@@ -24,7 +24,9 @@ typedef struct lightfield {
     double (*turn)[9]; /* n frames of pictures: their own x, y, z axes in the field's coordinates; NULL: all
                           stand as the field does */
     float *rgb;        /* n*np*nt*3: what is left as lamps are taken out */
-    ilf_frame frame;   /* as the file has it */
+    unsigned char
+        *unseen;     /* n*np*nt: 1 where a picture did not look, and its texel is made up; NULL: nowhere */
+    ilf_frame frame; /* as the file has it */
     ilf_info info;
 } lightfield;
 

@@ -71,6 +71,13 @@ static void set_ring(patch *p, const lightfield *f, const int *at, int n, const 
     free(v);
 }
 
+static int all_seen(const lightfield *f, int probe, const int *at, int n)
+{
+    for (int i = 0; i < n && f->unseen; i++)
+        if (f->unseen[(size_t)probe * (size_t)f->np * (size_t)f->nt + (size_t)at[i]]) return 0;
+    return 1;
+}
+
 int patch_make(patch *p, const lightfield *f, int probe, const double centre[3], double cone, double margin,
                double limit)
 {
@@ -92,6 +99,10 @@ int patch_make(patch *p, const lightfield *f, int probe, const double centre[3],
     within(at, f, probe, m, fmax(wide, ring));
     set_ring(p, f, at, most, m, cone, limit);
     p->n = within(at, f, probe, m, wide);
+    if (!all_seen(f, probe, at, p->n)) {
+        free(at), free(v);
+        return p->n = 0;
+    }
     p->at = at, p->lum = v, p->sr = v + most + 1, p->cover = v + 2 * (most + 1);
     for (int i = 0; i < p->n; i++) {
         p->lum[i] = lf_lum(f, probe, at[i] % f->nt, at[i] / f->nt) - p->ring_lum;

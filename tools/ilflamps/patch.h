@@ -22,7 +22,7 @@ typedef struct patch {
 
 /* Texels within `cone` + `margin` texels of the direction from the probe to the lamp's centre; the ring
  * lies 1.5 to 3.5 texels outside `cone`.  Bright texels (over `limit`) are none of the ring.  Returns -1
- * without memory; n = 0 below the horizon. */
+ * without memory; n = 0 below the horizon, and where the picture did not see all of those texels. */
 int patch_make(patch *p, const lightfield *f, int probe, const double centre[3], double cone, double margin,
                double limit);
 void patch_free(patch *p);

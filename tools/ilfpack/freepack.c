@@ -11,6 +11,9 @@
 #include "base/cli.h"
 #include "base/outfile.h"
 #include "freereport.h"
+#include "gaps.h"
+#include "headings.h"
+#include "ilflamps/blobs.h"
 #include "ilflamps/compose.h"
 #include "ilflamps/rounding.h"
 #include "ilflamps/taken.h"
@@ -19,9 +22,11 @@
 #include "support.h"
 
 enum { MOST_LAMPS = 32 };
+#define BRIGHT    15.                      /* times the typical luminance: a lamp */
 #define MAX_WIDTH (15 / 57.29577951308232) /* lamps that look wider stay in the field, radians */
-#define STRANGE   .02                      /* log luminance: a picture that disagrees more is said */
-#define FAR       1.5                      /* mean distances between pictures: a node beyond is said */
+#define WRONG     .1  /* log luminance: pictures that disagree so much are not where the file has them */
+#define STRANGE   .02 /* log luminance: a picture that disagrees more is said */
+#define FAR       1.5 /* mean distances between pictures: a node beyond is said */
 
 typedef struct job {
     const freeplan *p;
@@ -32,6 +37,7 @@ typedef struct job {
     ilf_frame frame;
     int n_u, n_v;
     shotfacts facts;
+    headings headings;
     refined poses;
     analysis a;
     reach *nodes;
@@ -97,6 +103,24 @@ int freepack_check(const freeplan *p, char *const *pictures, int n, errmsg *e)
 static int load(job *j, lightfield *f, errmsg *e)
 {
     return shots_load(f, &j->facts, j->pictures, j->at.p, j->n, &j->frame, &j->p->how, e);
+}
+
+/* What pictures did not see, from those that did. */
+static int fill_gaps(job *j, lightfield *f, errmsg *e)
+{
+    surroundings around = {0};
+    double part;
+
+    if (!f->unseen) return 0;
+    if (j->p->octree ? surroundings_from(&around, j->p->octree, f, e) : surroundings_guess(&around, f, e))
+        return -1;
+    const int bad = gaps_fill(&part, f, &around, BRIGHT * blobs_typical(f), e);
+    surroundings_free(&around);
+    if (!bad)
+        cli_note("holes are filled from other pictures that saw the same place of the surroundings (%.3g %% "
+                 "of them)%s",
+                 100 * part, part < 1 ? ", else from around them" : "");
+    return bad;
 }
 
 static int find_lamps(job *j, lightfield *f, errmsg *e)
@@ -196,9 +220,7 @@ static void say_pictures(const job *j)
         cli_note("pictures of %dx%d pixels are reduced by %d", j->facts.width, j->facts.height,
                  j->facts.factor);
     if (j->facts.holes > 0)
-        cli_note("%s: transparent in %.3g %% of its solid angle above the horizon, the most of all pictures: "
-                 "filled "
-                 "from around them",
+        cli_note("%s: holes (alpha 0) of %.3g %% of its solid angle, the most of all pictures",
                  j->facts.holes_of, 100 * j->facts.holes);
 }
 
@@ -218,11 +240,18 @@ static void say_poses(const job *j)
     const refined *r = &j->poses;
     const double deg = 180 / 3.14159265358979323846;
 
+    if (j->headings.n)
+        cli_note("%s: %d headings found by a lamp, whose heights in the pictures meet to %.2g degrees",
+                 j->p->positions, j->headings.n, j->headings.misfit * deg);
+
     for (int k = 0; k < r->wrong.n; k++)
         cli_warn("%s: %s%s (its picture disagrees with the others by %.2g %%, so by %.2g %%)",
                  j->p->positions, r->wrong.s[k].words,
                  j->p->refine == REFINE_NEVER ? "? Kept as given" : ": taken so", 100 * r->wrong.s[k].before,
                  100 * r->wrong.s[k].after);
+    if (r->wrong.others > WRONG)
+        cli_warn("%s: pictures still disagree at their places by %.2g %% (median of all)", j->p->positions,
+                 100 * r->wrong.others);
     if (j->n > REFINE_MOST && j->p->refine != REFINE_NEVER)
         cli_note("poses are as given: of more than %d pictures none is refined", (int)REFINE_MOST);
     if (!r->tried) return;
@@ -278,13 +307,17 @@ int freepack(const freeplan *p, char *const *pictures, int n, errmsg *e)
 
     if (!bad) {
         say_plan(&j), say_pictures(&j);
-        bad = refine(&j.poses, &f, j.at.p, j.pictures, p->octree, p->refine, e);
+        bad = gaps_close(&f, BRIGHT * blobs_typical(&f), e) ||
+              headings_find(&j.headings, &f, j.at.p, j.pictures, p->positions, e) ||
+              refine(&j.poses, &f, j.at.p, j.pictures, p->octree, p->refine, e);
         if (bad) lf_free(&f);
     }
     if (!bad) {
         say_poses(&j);
         if (j.poses.tried) say_strangers(&j);
-        bad = find_lamps(&j, &f, e);
+        bad = fill_gaps(&j, &f, e);
+        if (bad) lf_free(&f);
+        else bad = find_lamps(&j, &f, e);
     }
     if (!bad) {
         j.nodes = calloc((size_t)(j.n_u * j.n_v), sizeof *j.nodes);

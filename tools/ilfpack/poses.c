@@ -342,7 +342,9 @@ static void add_priors(solver *s)
     const double sigma[3] = {s->plan->place, s->plan->turn, s->plan->gain};
 
     for (int k = 0; k < s->f->n; k++)
-        for (int c = 0; c < POSE; c++) add_prior(s, POSE * k + c, s->out->p[k].change[c], sigma[c / 3]);
+        for (int c = 0; c < POSE; c++)
+            add_prior(s, POSE * k + c, s->out->p[k].change[c],
+                      c == 5 && s->plan->heading ? s->plan->heading[k] : sigma[c / 3]);
     for (int c = 0; c < s->l->movable; c++)
         add_prior(s, box_at(s) + c, 0, c < 5 ? LOOSE * s->l->box[4] : .05);
     for (int i = 0; i < s->b.lamps; i++)

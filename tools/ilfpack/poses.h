@@ -18,6 +18,7 @@ enum { POSE = 7 }; /* place, turn (radians about the field's axes), log gain */
 
 typedef struct poseplan {
     double place, turn, gain; /* standard errors of what is given: scene's unit, radians, relative */
+    const double *heading; /* of each picture: that of its turn about the vertical, or NULL: as the others */
 } poseplan;
 
 typedef struct pose {

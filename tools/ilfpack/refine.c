@@ -11,12 +11,15 @@
 #include "shots.h"
 
 enum { FEWEST = 4 };
-#define BRIGHT 15.  /* times the typical luminance: no wall */
-#define PLACES .006 /* what is given is about so sure: sizes of the plane, */
-#define TURNS  .01  /* radians, */
-#define GAINS  .05  /* relative */
-#define HELPS  .85  /* part of the pictures' disagreement that must be left at most */
-#define SURELY 4.   /* standard errors that a correction must have, rms */
+#define BRIGHT  15.  /* times the typical luminance: no wall */
+#define PLACES  .006 /* what is given is about so sure: sizes of the plane, */
+#define TURNS   .01  /* radians, */
+#define FOUND   .05  /* headings that a lamp told, radians */
+#define GAINS   .05  /* relative */
+#define HELPS   .85  /* part of the pictures' disagreement that must be left at most */
+#define UNHEARD .85  /* part of the disagreement that is left without creases where they are wrong */
+#define HALVES  .5   /* the same where no more is asked */
+#define SURELY  4.   /* standard errors that a correction must have, rms */
 
 static int find_landmarks(landmarks *l, const char *octree, const lightfield *f, errmsg *e)
 {
@@ -70,9 +73,38 @@ static int put_right(refined *r, evidence *x, lightfield *f, place *at, char *co
     return find_landmarks(&x->l, octree, f, e);
 }
 
-static int solve(refined *r, evidence *x, lightfield *f, refining how, errmsg *e)
+/* Creases alone say how all pictures stand together; on walls with patterns beside them they may be wrong by much of
+ * a texel.  Then the walls' points disagree more with them than without them, and they are not heard.  pos, turn:
+ * places as given; the field has them again, or the solution. */
+static int without_creases(poses *found, evidence *x, lightfield *f, const poseplan *plan,
+                           const double (*pos)[3], const double (*turn)[9], errmsg *e)
 {
-    const poseplan plan = {PLACES * f->size, TURNS, GAINS};
+    const size_t where = (size_t)f->n * sizeof *f->pos, turns = (size_t)f->n * sizeof *f->turn;
+    const double after = found->after;
+    const int creases = x->l.creases;
+    double(*own_pos)[3] = malloc(where), (*own_turn)[9] = malloc(turns);
+    poses plain = {0};
+    int bad = own_pos && own_turn ? 0 : err_set(e, "no memory for poses");
+
+    if (!bad) {
+        memcpy(own_pos, f->pos, where), memcpy(own_turn, f->turn, turns);
+        memcpy(f->pos, pos, where), memcpy(f->turn, turn, turns);
+        x->l.n -= creases, x->l.creases = 0;
+        bad = poses_solve(&plain, f, &x->v, &x->l, plan, e);
+        x->l.n += creases, x->l.creases = creases;
+    }
+    if (!bad && plain.after < UNHEARD * after) {
+        poses_free(found);
+        *found = plain, memset(&plain, 0, sizeof plain);
+    } else if (!bad) memcpy(f->pos, own_pos, where), memcpy(f->turn, own_turn, turns);
+    poses_free(&plain);
+    free(own_pos), free(own_turn);
+    return bad;
+}
+
+static int solve(refined *r, evidence *x, lightfield *f, const double *heading, refining how, errmsg *e)
+{
+    const poseplan plan = {PLACES * f->size, TURNS, GAINS, heading};
     const size_t where = (size_t)f->n * sizeof *f->pos, turns = (size_t)f->n * sizeof *f->turn;
     double(*pos)[3] = malloc(where), (*turn)[9] = malloc(turns);
     int bad = pos && turn ? 0 : err_set(e, "no memory for poses");
@@ -80,15 +112,31 @@ static int solve(refined *r, evidence *x, lightfield *f, refining how, errmsg *e
     if (!bad) {
         memcpy(pos, f->pos, where), memcpy(turn, f->turn, turns);
         bad = poses_solve(&r->found, f, &x->v, &x->l, &plan, e);
+        if (!bad && x->l.creases && !x->l.movable) /* (a box that moves needs its edges) */
+            bad =
+                without_creases(&r->found, x, f, &plan, (const double(*)[3])pos, (const double(*)[9])turn, e);
     }
     if (!bad) {
         const double sure = summarise(r, f->n);
         r->tried = 1;
-        r->applied = how == REFINE_ALWAYS || (r->found.after < HELPS * r->found.before && sure > SURELY);
+        r->applied = how == REFINE_ALWAYS || (r->found.after < HELPS * r->found.before &&
+                                              (sure > SURELY || r->found.after < HALVES * r->found.before));
         if (r->applied) poses_expose(f, &r->found);
         else memcpy(f->pos, pos, where), memcpy(f->turn, turn, turns);
     }
     free(pos), free(turn);
+    return bad;
+}
+
+/* Headings that a lamp told are less sure than those that were written down. */
+static int solve_from(refined *r, evidence *x, lightfield *f, const place *at, refining how, errmsg *e)
+{
+    double *heading = malloc((size_t)f->n * sizeof *heading);
+
+    if (!heading) return err_set(e, "no memory for poses");
+    for (int k = 0; k < f->n; k++) heading[k] = at[k].unknown ? FOUND : TURNS;
+    const int bad = solve(r, x, f, heading, how, e);
+    free(heading);
     return bad;
 }
 
@@ -101,7 +149,7 @@ int refine(refined *r, lightfield *f, place *at, char *const *pictures, const ch
     memset(r, 0, sizeof *r);
     if (f->n < FEWEST) return 0;
     bad = evidence_make(&x, f, octree, e) || put_right(r, &x, f, at, pictures, octree, how, e);
-    if (!bad && how != REFINE_NEVER && f->n <= REFINE_MOST) bad = solve(r, &x, f, how, e);
+    if (!bad && how != REFINE_NEVER && f->n <= REFINE_MOST) bad = solve_from(r, &x, f, at, how, e);
     for (int k = 0; k < f->n && !bad && r->applied; k++) shots_place(&at[k], f, k);
     evidence_free(&x);
     if (bad) refined_free(r);

@@ -105,7 +105,7 @@ static void join(double rgb[3], const lightfield *f, const surroundings *around,
 static int make_grid(lightfield *g, const lightfield *f, int nu, int nv, int nt, int np, errmsg *e)
 {
     *g = *f;
-    g->nu = nu, g->nv = nv, g->n = nu * nv, g->free = 0, g->turn = NULL;
+    g->nu = nu, g->nv = nv, g->n = nu * nv, g->free = 0, g->turn = NULL, g->unseen = NULL;
     g->nt = nt, g->np = np, g->polar_max = pi / 2, g->dt = 2 * pi / nt, g->dp = pi / 2 / np;
     g->info.polar_max = g->info.polar_valid = pi / 2;
     g->pos = malloc((size_t)g->n * sizeof *g->pos);

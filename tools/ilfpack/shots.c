@@ -143,15 +143,28 @@ static int read_texels(float *rgb, float *seen, const lightfield *f, img_reader 
     return bad;
 }
 
-/* Directions that a picture did not see get what is around them. */
-static int fill(float *rgb, float *seen, const lightfield *f, shotfacts *facts, const char *path, errmsg *e)
+/* Remember what picture k did not see. */
+static int mark(lightfield *f, int k, const float *seen, errmsg *e)
+{
+    const size_t texels = (size_t)f->np * (size_t)f->nt;
+
+    if (!f->unseen) f->unseen = calloc((size_t)f->n * texels, 1);
+    if (!f->unseen) return err_set(e, "no memory for holes");
+    for (size_t i = 0; i < texels; i++) f->unseen[(size_t)k * texels + i] = !(seen[i] > 0);
+    return 0;
+}
+
+/* Directions that a picture did not see get what is around them, for now (gaps.h). */
+static int fill(lightfield *f, int k, float *seen, shotfacts *facts, const char *path, errmsg *e)
 {
     const holes gaps = holes_find(seen, f->nt, f->np, f->polar_max, 0);
 
     if (gaps.rows == 0)
         return err_set(e, "%s: expected a picture that sees something, found alpha 0 everywhere", path);
     if (gaps.among > facts->holes) facts->holes = gaps.among, facts->holes_of = path;
-    return gaps.among > 0 && holes_fill(rgb, seen, f->nt, f->np, f->polar_max)
+    if (!(gaps.among > 0)) return 0;
+    if (mark(f, k, seen, e)) return -1;
+    return holes_fill(lf_texel(f, k, 0, 0), seen, f->nt, f->np, f->polar_max)
                ? err_set(e, "%s: no memory to fill its holes", path)
                : 0;
 }
@@ -185,7 +198,7 @@ static int load_one(lightfield *f, int k, float *seen, shotfacts *facts, const c
                       facts->probes ? "a probe" : "a panorama", probe ? "a probe" : "a panorama");
     if (!bad) bad = read_texels(rgb, seen, f, r, facts, alpha, e) || check_finite(rgb, f, path, e);
     img_reader_close(r);
-    if (!bad && alpha) bad = fill(rgb, seen, f, facts, path, e);
+    if (!bad && alpha) bad = fill(f, k, seen, facts, path, e);
     return bad ? -1 : 0;
 }
 

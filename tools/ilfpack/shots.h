@@ -19,11 +19,11 @@ typedef struct shotplan {
 
 /* What was found in them. */
 typedef struct shotfacts {
-    int probes;           /* 1: they are probes, whose axis x is their heading; else panoramas */
-    int width, height;    /* as stored */
-    int factor;           /* by which they were reduced */
-    double holes;         /* largest share of a picture that was transparent; filled from around it */
-    const char *holes_of; /* that picture */
+    int probes;        /* 1: they are probes, whose axis x is their heading; else panoramas */
+    int width, height; /* as stored */
+    int factor;        /* by which they were reduced */
+    double holes; /* largest share of a picture that was transparent (f->unseen); filled from around it */
+    const char *holes_of;          /* that picture */
     char owner[256], cap_date[64]; /* the first picture's; "" */
     double white_luminance;        /* 0: not stated */
 } shotfacts;

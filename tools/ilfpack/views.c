@@ -21,6 +21,7 @@ static int fill_finest(view *v, const lightfield *f, double limit)
         for (size_t i = 0; i < all; i++)
             to[i] = (float)fmax(1e-12, ilf_luminance(f->rgb + 3 * ((size_t)k * all + i)));
         for (size_t i = 0; i < all; i++) {
+            if (f->unseen && f->unseen[(size_t)k * all + i]) to[i] = NAN;
             if (!(ilf_luminance(f->rgb + 3 * ((size_t)k * all + i)) > limit)) continue;
             for (int dy = -RIM; dy <= RIM; dy++)
                 for (int dx = -RIM; dx <= RIM; dx++) {
