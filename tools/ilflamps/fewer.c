@@ -21,7 +21,7 @@
 #include "vec.h"
 
 enum {
-    MOST_PLACES = 36,
+    MOST_PLACES = 81,
     HEIGHTS = 3,
     SIDES = 5,
     ROWS = 40,
@@ -148,15 +148,25 @@ static int beside(int i, int n, int m)
     return 0;
 }
 
-/* Nodes that no coarse probe is made of, spread over the grid: *n of them, at most MOST_PLACES. */
-static void left_out(int node[MOST_PLACES], int *n, const lightfield *whole, int nu, int nv)
+static int divisor(int a, int b)
 {
-    *n = 0;
-    for (int k = 0; k < whole->n && *n < MOST_PLACES; k++) {
-        /* the golden section's multiples are spread evenly, however many are taken */
-        const int q = whole->n <= 4 * MOST_PLACES ? k : (int)(fmod(k * .6180339887498949, 1) * whole->n);
-        if (!beside(q % whole->nu, whole->nu, nu) || !beside(q / whole->nu, whole->nv, nv)) node[(*n)++] = q;
-    }
+    return b ? divisor(b, a % b) : a;
+}
+
+/* Nodes that no coarse probe is made of, MOST_PLACES of them at most, spread over the grid: all of them stand in `all`, in order.  Returns
+ * their number. */
+static int left_out(int node[MOST_PLACES], int *all, const lightfield *whole, int nu, int nv)
+{
+    int n = 0;
+
+    for (int q = 0; q < whole->n; q++)
+        if (!beside(q % whole->nu, whole->nu, nu) || !beside(q / whole->nu, whole->nv, nv)) all[n++] = q;
+    /* steps of the golden section are spread evenly, however many are taken; without a common divisor none comes twice */
+    int step = (int)(.6180339887498949 * n) + 1;
+    while (n > 1 && divisor(n, step) != 1) step++;
+    const int some = n < MOST_PLACES ? n : MOST_PLACES;
+    for (int k = 0; k < some; k++) node[k] = all[(int)((long)k * step % n)];
+    return some;
 }
 
 static void judge(fewer *w, light (*by)[2], const light *lamps, int n)
@@ -177,10 +187,12 @@ static void judge(fewer *w, light (*by)[2], const light *lamps, int n)
 
 static int compare(fewer *w, const ilf *whole, const ilf *coarse, const analysis *a, errmsg *e)
 {
-    int node[MOST_PLACES], bad = 0;
+    int node[MOST_PLACES], bad = 0, *all = malloc((size_t)a->f.n * sizeof *all);
     light by[MOST_PLACES * HEIGHTS][2], lamps[MOST_PLACES * HEIGHTS];
 
-    left_out(node, &w->places, &a->f, w->f.nu, w->f.nv);
+    if (!all) return err_set(e, "no memory for %d nodes", a->f.n);
+    w->places = left_out(node, all, &a->f, w->f.nu, w->f.nv);
+    free(all);
 #pragma omp parallel for schedule(dynamic, 1)
     for (int k = 0; k < w->places * HEIGHTS; k++) {
         const double *q = a->f.pos[node[k / HEIGHTS]], o[3] = {q[0], q[1], height[k % HEIGHTS] * a->f.size};
