@@ -24,7 +24,8 @@ typedef struct lightfield {
     double (*turn)[9]; /* n frames of pictures: their own x, y, z axes in the field's coordinates; NULL: all
                           stand as the field does */
     float *rgb;        /* n*np*nt*3: what is left as lamps are taken out */
-    ilf_frame frame;   /* as the file has it */
+    double blur; /* the pictures' own: standard deviation in each of two angles, radians; 0: none (blur.h) */
+    ilf_frame frame; /* as the file has it */
     ilf_info info;
 } lightfield;
 
