@@ -15,7 +15,7 @@
 enum { COARSE = 72, COARSE_SHEETS = 24, FINE = 208, SHEETS = 36, MOST_SHEETS = 108, KEPT = 16 };
 #define ABOVE    .45
 #define QUANTILE .015
-#define PARTING  1.4 /* cells */
+#define PARTING  1.5 /* cells */
 #define CLEAR    .2  /* an opacity below this is none */
 
 typedef struct job {
@@ -189,12 +189,11 @@ static void base_pass(double *base, const model *m, int fold, const job *j)
                 ilf_luminaire_pass(&b, j->f->pos[j->l->rows[k].probe], j->l->rows[k].dir[q]);
 }
 
-/* Lines may part by more than a cell where that saves sheets, not by much more. */
+/* A few sheets, unless lines from one to the next part by so many cells. */
 static int sheets_for(int wanted)
 {
-    const int few = wanted < 4 ? 4 : wanted > SHEETS ? SHEETS : wanted, many = (int)(wanted / PARTING);
-
-    return many < few ? few : many > MOST_SHEETS ? MOST_SHEETS : many;
+    if (wanted > PARTING * SHEETS) return wanted > MOST_SHEETS ? MOST_SHEETS : wanted;
+    return wanted < 4 ? 4 : wanted > SHEETS ? SHEETS : wanted;
 }
 
 static int build(model *m, const job *j, double h0, double h1)
