@@ -281,7 +281,7 @@ static int take_blurred(analysis *a, const bloblist *list, const centre *c, int 
     const int r = shape_fit_ball(&s, c, number, list, &a->f, limit);
 
     if (r < 0) return err_set(e, "no memory for a lamp's shape");
-    if (r || !blur_shows(&s, &a->f)) return 0;
+    if (r || !blur_shows(&s)) return 0;
     lamp_free(&it->l);
     it->l.s = s, it->l.c = *c, it->fate = TAKEN, it->l.scatter = s.sigma_radiance * sqrt(s.full);
     if (s.sigma_position > 0) it->l.c.sigma = s.sigma_position;

@@ -17,12 +17,11 @@ static const double WIDTH[WIDTHS] = {0, .3, .6, .9, 1.3, 1.8}; /* texels */
 #define GAINS  .85 /* of the mean square misfit: a blur that leaves more is none */
 #define PLACED .15 /* standard error of its distance: more is no place */
 
-int blur_shows(const shape *s, const lightfield *f)
+int blur_shows(const shape *s)
 {
     const double scatter = s->sigma_radiance * sqrt(s->full), *c = s->l.centre;
     const double far = sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
 
-    (void)f;
     return s->full >= LEAST_PROBES && s->misfit < FITS && scatter < EVEN &&
            (s->l.far || s->sigma_position < PLACED * far);
 }
@@ -70,7 +69,7 @@ int blur_find(blurred *b, lightfield *f, const unsigned char *use, const centre 
         if (!use[i]) continue;
         const int r = shape_fit_ball(&s, &c[i], i, list, f, limit);
         if (r < 0) return f->blur = 0, -1;
-        if (!r && blur_shows(&s, f)) asked[many++] = i;
+        if (!r && blur_shows(&s)) asked[many++] = i;
     }
     f->blur = 0;
     for (int i = 0; i < WIDTHS && many; i++)

@@ -20,6 +20,6 @@ int blur_find(blurred *b, lightfield *f, const unsigned char *use, const centre 
               const bloblist *list, double limit);
 
 /* Whether a body of blurred pictures is one: its light is the same in all probes that see it, and it fits. */
-int blur_shows(const shape *s, const lightfield *f);
+int blur_shows(const shape *s);
 
 #endif
