@@ -24,6 +24,7 @@ enum { TURNS = 3 };      /* looks at probes that are turned */
 #define LENS_WIDER  1.5 /* lenses may look so much wider than other lamps: their light is in few directions */
 
 enum { MOST_TIMES = 4 }; /* second looks at all lamps together */
+#define OFF    4         /* standard errors of a lamp's distance that it may be off */
 #define KNOWN  .02       /* misfit of a sphere that needs no second look */
 #define GAINS  .85       /* of the error: a second look that leaves more needs no third */
 #define ENOUGH 12        /* probes that see all of a lamp: its body is known */
@@ -116,7 +117,9 @@ static int once_more(int *times, analysis *a, int k, pictures *pics, double limi
     const model *m = &was->best;
     const shape *s = &was->l.s;
 
-    if (was->fate != TAKEN || s->lens || s->l.far || !doubtful(s, m) || beside_another(a, k)) return 0;
+    if (was->fate != TAKEN || s->lens || was->l.scatter > 0 || s->l.far || !doubtful(s, m) ||
+        beside_another(a, k))
+        return 0;
     ++*times;
     lamp_put_back(&was->l, &a->f);
     now.l.s = *s, now.l.c = was->l.c;
@@ -139,6 +142,32 @@ static int once_more(int *times, analysis *a, int k, pictures *pics, double limi
     return lamp_take_out(&was->l, &a->f, limit, e);
 }
 
+/* A lamp that blurred pictures place behind what the user says stands there (its own front, often) would be
+ * hidden: it is moved there, as large as it looks from the plane's middle, if that is no further than it may be
+ * off. */
+static int before_walls(analysis *a, double limit, errmsg *e)
+{
+    for (int i = 0; i < a->n; i++) {
+        lamp *l = &a->lamps[i].l;
+        const double mid[3] = {a->f.len_u / 2, a->f.len_v / 2, 0};
+        double d[3], x[3];
+        if (a->lamps[i].fate != TAKEN || l->scatter <= 0 || l->c.far) continue;
+        v_sub(d, l->s.l.centre, mid);
+        const double far = v_unit(d);
+        surroundings_meet(x, &a->around, mid, d), v_sub(x, x, mid);
+        const double part = v_dot(x, d) / far;
+        if (part >= 1 || (1 - part) * far > OFF * l->c.sigma) continue;
+        lamp now = {.s = l->s, .c = l->c, .scatter = l->scatter};
+        for (int c = 0; c < 3; c++) now.s.l.centre[c] = mid[c] + part * far * d[c];
+        now.s.l.radius *= part;
+        lamp_put_back(l, &a->f);
+        lamp_free(l);
+        *l = now;
+        if (lamp_measure(l, &a->f, limit, e) || lamp_take_out(l, &a->f, limit, e)) return -1;
+    }
+    return 0;
+}
+
 static int explain(analysis *a, const plan *p, double limit, errmsg *e)
 {
     pictures pics = {0};
@@ -149,6 +178,7 @@ static int explain(analysis *a, const plan *p, double limit, errmsg *e)
     bad = p->octree             ? surroundings_from(&a->around, p->octree, &a->f, e)
           : hidden || a->f.free ? surroundings_guess(&a->around, &a->f, e)
                                 : 0;
+    if (!bad && a->around.measured) bad = before_walls(a, limit, e);
     if (!bad && hidden) bad = pictures_make(&pics, &a->f, &a->around, e);
     for (int i = 0; i < a->n && !bad && hidden; i++)
         if (a->lamps[i].fate == TAKEN) pictures_add_lamp(&pics, &a->lamps[i].l, &a->f);
@@ -244,6 +274,41 @@ static int steady_shapes(analysis *a, bloblist *list, centre *c, int n, double l
     return bad;
 }
 
+/* A lamp whose blurred pictures fit a ball: measured so. */
+static int take_blurred(analysis *a, const bloblist *list, const centre *c, int number, const plan *p,
+                        double limit, errmsg *e)
+{
+    found *it = &a->lamps[number];
+    shape s;
+    const int r = shape_fit_ball(&s, c, number, list, &a->f, limit);
+
+    if (r < 0) return err_set(e, "no memory for a lamp's shape");
+    if (r || !blur_shows(&s)) return 0;
+    lamp_free(&it->l);
+    it->l.s = s, it->l.c = *c, it->fate = TAKEN, it->l.scatter = s.sigma_radiance * sqrt(s.full);
+    if (s.sigma_position > 0) it->l.c.sigma = s.sigma_position;
+    if (lamp_measure(&it->l, &a->f, limit, e)) return -1;
+    if (it->l.width > p->max_width) it->fate = TOO_WIDE;
+    return 0;
+}
+
+/* Where no lamp's spots look like a body, the pictures may be blurred. */
+static int blurred_shapes(analysis *a, const bloblist *list, const centre *c, const plan *p, double limit,
+                          errmsg *e)
+{
+    unsigned char *use = malloc((size_t)a->n + 1);
+    int sharp = 0, bad = 0;
+
+    if (!use) return err_set(e, "no memory for shapes");
+    for (int i = 0; i < a->n; i++) use[i] = a->lamps[i].fate == SHAPELESS, sharp |= a->lamps[i].fate == TAKEN;
+    if (!sharp && blur_find(&a->blur, &a->f, use, c, a->n, list, limit))
+        bad = err_set(e, "no memory for shapes");
+    for (int i = 0; i < a->n && !bad && a->blur.lamps; i++)
+        if (use[i]) bad = take_blurred(a, list, &c[i], i, p, limit, e);
+    free(use);
+    return bad;
+}
+
 int analyse(analysis *a, const char *path, const plan *p, errmsg *e)
 {
     lightfield f;
@@ -276,6 +341,7 @@ int analyse_field(analysis *a, lightfield *f, const plan *p, errmsg *e)
     if (!bad && !alone) {
         limit = OVER * blobs_typical(&a->f);
         bad = steady_shapes(a, &list, c, centres_find(c, p->most, &list, &a->f), limit, p, e);
+        if (!bad) bad = blurred_shapes(a, &list, c, p, limit, e);
         for (int i = 0; i < list.n; i++) a->stray += list.b[i].lamp < 0;
         a->spots = list.n;
         for (int i = 0; i < a->n && !bad; i++)

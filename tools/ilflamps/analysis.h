@@ -5,6 +5,7 @@
 #ifndef ANALYSIS_H
 #define ANALYSIS_H
 
+#include "blur.h"
 #include "model.h"
 #include "steady.h"
 #include "surroundings.h"
@@ -33,6 +34,7 @@ typedef struct analysis {
     int stray;
     surroundings around;
     steadied steady; /* probes that were turned; measured = 0: none was */
+    blurred blur;    /* of the pictures; lamps = 0: none */
     double cpu_s;
 } analysis;
 

@@ -59,7 +59,7 @@ static double enough(const lamp *l)
 
     for (int k = 0; k < l->nrows; k++) {
         const row *r = &l->rows[k];
-        if (fabs(l->seen[r->probe] - 1) > .03) continue;
+        if (fabs(l->seen[r->probe] - 1) > fmax(.03, 2 * l->scatter)) continue;
         sum += r->share * (r->value - 1) * (r->value - 1), all += r->share;
     }
     return all > 0 ? fmax(CERTAIN, 2 * sqrt(sum / all)) : CERTAIN;
@@ -181,13 +181,14 @@ static int remainder_too(model *base, const lamp *l, const lightfield *f)
 }
 
 /* Whether the masks tell so much more than interpolation that they may be trusted where no probe stands. */
-static int explains(const model *m, double interpolation)
+static int explains(const model *m, const lamp *l, double interpolation)
 {
     const int sheet = m->n == 1 && m->saw && m->m[ALL][0].kind == ILF_MASK_LAYER,
               gate = m->n == 1 && m->m[ALL][0].kind == ILF_MASK_GATE;
     const double part = sheet ? ONE_SHEET : gate ? ONE_GATE : BELIEVED;
 
-    return m->error < fmax(CLOSE, part * interpolation) && m->error < HELPS * interpolation;
+    return m->error < fmax(hypot(CLOSE, l->scatter), part * interpolation) &&
+           m->error < HELPS * interpolation;
 }
 
 static int take_masks(lamp *l, const model *m)
@@ -261,7 +262,7 @@ int choose_model(found *it, const lightfield *f, const pictures *pics, errmsg *e
     const int needed = choose_needed(l, f);
     if (needed && (chain(&it->best, l, f, pics, plain.error) || remainder_too(&it->best, l, f))) goto memory;
     it->best.error = needed ? model_doubt(&it->best) : alone(l, f);
-    if (needed && !explains(&it->best, it->interpolation)) {
+    if (needed && !explains(&it->best, l, it->interpolation)) {
         if (texels > WIDE || plain.error > VAGUE || plain.error * part_of_light(l, f) > HARMLESS)
             it->fate = UNEXPLAINED;
         model_free(&it->best);

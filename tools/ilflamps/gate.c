@@ -188,10 +188,11 @@ static void average(double *mean, const double (*kept)[NUMBERS])
 /* rms of what gates drawn differ by from the one taken, where no probe stands. */
 static double apart(const ilf_mask *taken, const double (*kept)[NUMBERS], const lamp *l, const lightfield *f)
 {
+    const int points = l->scatter > 0 ? 1 : LAMP_POINTS; /* blurred pictures know its middle only */
     double sum = 0, o[3], d[3];
 
     for (int k = 0; k < PLACES; k++)
-        for (int q = 0; q < LAMP_POINTS && model_place(o, k, l, f); q++) {
+        for (int q = 0; q < points && model_place(o, k, l, f); q++) {
             model_line(d, o, q, l);
             const double v = ilf_mask_pass(taken, l->s.l.centre, o, d);
             for (int i = 0; i < KEPT; i++) {
@@ -200,7 +201,7 @@ static double apart(const ilf_mask *taken, const double (*kept)[NUMBERS], const 
                 sum += pow(ilf_mask_pass(&m, l->s.l.centre, o, d) - v, 2);
             }
         }
-    return sqrt(sum / (PLACES * LAMP_POINTS * KEPT));
+    return sqrt(sum / (PLACES * points * KEPT));
 }
 
 /* All five versions from the best fit. */

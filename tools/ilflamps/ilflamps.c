@@ -240,6 +240,11 @@ static void get_lamps(analysis *a, const char *path)
         cli_note("%s: its probes are turned by %.2g degrees (rms of %d that lamps could tell, each to %.1g): "
                  "put right where lamps were measured",
                  path, a->steady.turn * DEGREE, a->steady.measured, a->steady.sure * DEGREE);
+    if (a->blur.lamps)
+        cli_note("%s: its pictures are blurred by %.2g degrees (standard deviation; %d of its lamps say so: "
+                 "misfit %.2g, "
+                 "%.2g were they sharp): each lamp is measured as a whole",
+                 path, a->blur.width * DEGREE, a->blur.lamps, a->blur.misfit, a->blur.sharp);
     taken_first(a);
 }
 

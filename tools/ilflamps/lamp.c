@@ -8,7 +8,7 @@
 
 #include "vec.h"
 
-enum { MOST_SIDE = 4, FINEST = 12 };
+enum { MOST_SIDE = 4, FINEST = 12, ACROSS = 12 };
 
 /* Sums of one probe's parts of the lamp. */
 typedef struct parts {
@@ -65,6 +65,35 @@ static void make_rows(lamp *l, const parts *p, int probe)
     }
 }
 
+/* Directions that meet the lamp, all over it. */
+static void all_over(parts *p, const ilf_luminaire *l, const double o[3], double cone)
+{
+    double m[3], x[3], y[3], t;
+
+    v_sub(m, l->centre, o);
+    v_unit(m), v_basis(x, y, m);
+    for (int k = 0; k < ACROSS * ACROSS; k++) {
+        const double u = tan(fmin(1.5, cone)) * (2 * (k % ACROSS + .5) / ACROSS - 1),
+                     v = tan(fmin(1.5, cone)) * (2 * (k / ACROSS + .5) / ACROSS - 1);
+        double d[3];
+        for (int c = 0; c < 3; c++) d[c] = m[c] + u * x[c] + v * y[c];
+        v_unit(d);
+        if (ilf_luminaire_hit(&t, l, o, d)) memcpy(p->dir[0][p->n[0]++], d, sizeof d);
+    }
+}
+
+/* A blurred picture doesn't say which part of the lamp light comes from: one measurement, all light near it. */
+static void measure_blurred(lamp *l, parts *p, const patch *a, const lightfield *f, int probe)
+{
+    const double *o = f->pos[probe];
+
+    p->side = 1, p->light[0] = 0, p->n[0] = 0;
+    p->full[0] = ilf_luminaire_omega(&l->s.l, o) * (l->s.radiance - a->ring_lum);
+    for (int i = 0; i < a->n; i++) p->light[0] += a->sr[i] * a->lum[i];
+    all_over(p, &l->s.l, o, ilf_luminaire_cone(&l->s.l, o));
+    make_rows(l, p, probe);
+}
+
 static int measure_probe(lamp *l, parts *p, const lightfield *f, int probe, double limit)
 {
     double m[3], x[3], y[3];
@@ -76,6 +105,7 @@ static int measure_probe(lamp *l, parts *p, const lightfield *f, int probe, doub
     if (!a.n) return 0;
     v_sub(m, l->s.l.centre, f->pos[probe]);
     v_unit(m), v_basis(x, y, m);
+    if (f->blur > 0) return measure_blurred(l, p, &a, f, probe), patch_free(&a), 0;
     const double texels = cone / patch_texel(f, m);
     p->side = texels > 4 ? 4 : 2;
     memset(p->light, 0, sizeof p->light), memset(p->full, 0, sizeof p->full), memset(p->n, 0, sizeof p->n);

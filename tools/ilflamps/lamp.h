@@ -26,7 +26,8 @@ typedef struct row {
 typedef struct lamp {
     shape s;
     centre c;
-    double width; /* largest angle of its cone, radians, full */
+    double width;   /* largest angle of its cone, radians, full */
+    double scatter; /* of its light among probes that see all of it, where pictures are blurred; else 0 */
     row *rows;
     int nrows;
     double *seen; /* per probe: share of the lamp's light that arrived; below 0: none expected (under the

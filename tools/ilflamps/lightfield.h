@@ -25,7 +25,8 @@ typedef struct lightfield {
                           stand as the field does */
     float *rgb;        /* n*np*nt*3: what is left as lamps are taken out */
     unsigned char
-        *unseen;     /* n*np*nt: 1 where a picture did not look, and its texel is made up; NULL: nowhere */
+        *unseen; /* n*np*nt: 1 where a picture did not look, and its texel is made up; NULL: nowhere */
+    double blur; /* the pictures' own: standard deviation in each of two angles, radians; 0: none (blur.h) */
     ilf_frame frame; /* as the file has it */
     ilf_info info;
 } lightfield;

@@ -9,6 +9,10 @@
 
 #include "vec.h"
 
+enum { MOST_RAYS = 64 };
+#define TAILS     2.2 /* standard deviations of a blur that count */
+#define MOST_BLUR 6.  /* texels that it is followed to (beside the pole they are narrow) */
+
 double patch_texel(const lightfield *f, const double d[3])
 {
     return fmax(f->dp, f->dt * sqrt(fmax(0, d[0] * d[0] + d[1] * d[1])));
@@ -87,6 +91,7 @@ int patch_make(patch *p, const lightfield *f, int probe, const double centre[3],
     p->probe = probe;
     v_sub(m, centre, f->pos[probe]);
     v_unit(m);
+    cone += TAILS * f->blur;
     const double size = patch_texel(f, m), wide = cone + margin * size, ring = cone + 3.5 * size;
     if (m[2] <= 0 || wide > 1.5) return 0;
     const int most = within(NULL, f, probe, m, fmax(wide, ring));
@@ -117,13 +122,35 @@ void patch_free(patch *p)
     memset(p, 0, sizeof *p);
 }
 
+/* Rays that stand for a texel along one of its sides: places in texels, and weights: those of the texel
+ * itself, spread by a blur (in texels). */
+typedef struct comb {
+    int n;
+    double at[MOST_RAYS], weight[MOST_RAYS];
+} comb;
+
+static void comb_make(comb *c, int S, double blur)
+{
+    const double reach = fmin(TAILS * blur, MOST_BLUR);
+
+    c->n = (int)fmin(MOST_RAYS, ceil(S * (1 + 2 * reach)));
+    for (int k = 0; k < c->n; k++) {
+        const double u = (k + .5) / c->n * (1 + 2 * reach) - reach;
+        c->at[k] = u;
+        c->weight[k] = blur > 0 ? .5 * (erf(u / blur / sqrt(2)) - erf((u - 1) / blur / sqrt(2))) : 1;
+    }
+}
+
 void patch_cover(patch *p, const lightfield *f, const ilf_luminaire *l, int S)
 {
-    const double *o = f->pos[p->probe], size = .75 * hypot(f->dp, f->dt), cone = ilf_luminaire_cone(l, o);
-    double m[3], cs[64], sn[64];
+    const double *o = f->pos[p->probe], cone = ilf_luminaire_cone(l, o),
+                 size = .75 * hypot(f->dp, f->dt) + 1.5 * TAILS * f->blur;
+    double m[3], cs[MOST_RAYS], sn[MOST_RAYS];
+    comb down, across;
 
     v_sub(m, l->centre, o);
     v_unit(m);
+    comb_make(&down, S, f->blur / f->dp), comb_make(&across, S, 0);
     for (int i = 0; i < p->n; i++) {
         const int x = p->at[i] % f->nt, y = p->at[i] / f->nt;
         double d[3], t, sum = 0, all = 0;
@@ -131,24 +158,26 @@ void patch_cover(patch *p, const lightfield *f, const ilf_luminaire *l, int S)
         lf_direction(d, f, p->probe, x + .5, y + .5);
         p->cover[i] = 0;
         if (v_dot(d, m) < cos(fmin(3, cone + size))) continue;
-        for (int b = 0; b < S; b++) {
-            const double az = (x + (b + .5) / S) * f->dt - 3.14159265358979323846;
+        if (f->blur > 0) comb_make(&across, S, f->blur / f->dt / sin((y + .5) * f->dp));
+        for (int b = 0; b < across.n; b++) {
+            const double az = (x + across.at[b]) * f->dt - 3.14159265358979323846;
             cs[b] = cos(az), sn[b] = sin(az);
         }
-        for (int a = 0; a < S; a++) {
-            const double p1 = (y + (a + .5) / S) * f->dp, s = sin(p1);
-            for (int b = 0; b < S; b++) {
+        for (int a = 0; a < down.n; a++) {
+            const double p1 = (y + down.at[a]) * f->dp, s = sin(p1); /* below 0: beyond the pole */
+            for (int b = 0; b < across.n; b++) {
+                const double w = fabs(s) * down.weight[a] * across.weight[b];
                 d[0] = s * cs[b], d[1] = s * sn[b], d[2] = cos(p1);
                 lf_outward(d, f, p->probe);
                 if (l->shape == ILF_SPHERE) { /* a ray stands for a small square, so that the cover is smooth
                                                  in the body's numbers */
                     const double g[3] = {d[0] - m[0], d[1] - m[1], d[2] - m[2]},
-                                 wide = .5 * (f->dp + f->dt * s) / S;
+                                 wide = .5 * (f->dp + f->dt * fabs(s)) / S;
                     const double part = fmax(0, fmin(1, .5 + (cone - v_len(g)) / wide));
-                    sum += s * (part > 0 && before ? part * ilf_luminaire_pass(before, o, d) : part);
+                    sum += w * (part > 0 && before ? part * ilf_luminaire_pass(before, o, d) : part);
                 } else if (ilf_luminaire_hit(&t, l, o, d))
-                    sum += before ? s * ilf_luminaire_pass(before, o, d) : s;
-                all += s;
+                    sum += before ? w * ilf_luminaire_pass(before, o, d) : w;
+                all += w;
             }
         }
         p->cover[i] = sum / all * (p->gain ? p->gain[i] : 1);

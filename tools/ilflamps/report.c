@@ -132,6 +132,10 @@ int report_write(const char *path, const char *input, const analysis *a, errmsg 
     if (a->steady.measured)
         fprintf(o, " \"turned_probes\": {\"measured\": %d, \"degrees\": %.4g, \"error_degrees\": %.4g},",
                 a->steady.measured, a->steady.turn * DEG, a->steady.sure * DEG);
+    if (a->blur.lamps)
+        fprintf(o,
+                " \"blur\": {\"degrees\": %.4g, \"lamps\": %d, \"misfit\": %.3g, \"misfit_if_sharp\": %.3g},",
+                a->blur.width * DEG, a->blur.lamps, a->blur.misfit, a->blur.sharp);
     fprintf(o, "\n");
     report_lamps(o, a);
     fprintf(o, "}\n");

@@ -5,6 +5,8 @@
 
 #include <stdlib.h>
 
+#define DARK_ERROR .02 /* of a row that shows nothing */
+
 double rowfit_softness(const lamp *l, const lightfield *f)
 {
     const double apart =
@@ -40,6 +42,12 @@ void rowfit_fold(rowfit *j, int fold)
                 ilf_luminaire_pass(&b, j->f->pos[j->l->rows[k].probe], j->l->rows[k].dir[q]);
 }
 
+/* Rows of blurred pictures err by part of their light: what is dark is dark. */
+static double trust(const row *r, const lamp *l)
+{
+    return 1 / hypot(1, l->scatter * r->value / DARK_ERROR);
+}
+
 void rowfit_residuals(double *r, const ilf_mask *mask, const rowfit *j)
 {
     for (int k = 0; k < j->l->nrows; k++) {
@@ -50,6 +58,6 @@ void rowfit_residuals(double *r, const ilf_mask *mask, const rowfit *j)
         for (int q = 0; q < w->n; q++)
             sum += j->base[k * ROW_SAMPLES + q] *
                    ilf_mask_pass(mask, j->l->s.l.centre, j->f->pos[w->probe], w->dir[q]);
-        r[k] = sqrt(w->share) * (sum / w->n - w->value);
+        r[k] = trust(w, j->l) * sqrt(w->share) * (sum / w->n - w->value);
     }
 }

@@ -477,6 +477,39 @@ int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const
     return bad ? -1 : w.texels ? 0 : 1;
 }
 
+int shape_fit_ball(shape *s, const centre *c, int number, const bloblist *list, const lightfield *f,
+                   double limit)
+{
+    const blob *which[MOST_PROBES];
+    patch patches[MOST_PROBES];
+    trial t[16];
+    work w = {.f = f, .p = patches, .S = 3};
+    double cov[3][3], towards[3] = {f->len_u / 2, f->len_v / 2, 0};
+    int bad = 0, chosen;
+
+    memset(s, 0, sizeof *s);
+    if (whole(which, &chosen, c, number, list, f) < 3) return 1;
+    moments_covariance(cov, which, chosen, c->at, f);
+    v_sub(towards, towards, c->at);
+    const double far = v_unit(towards);
+    trials(t, c->at, cov, towards, 1);
+    for (int i = 0; i < chosen && !bad; i++) {
+        bad = patch_make(&patches[w.n++], f, which[i]->probe, c->at, exp(t[0].p[3]) / far, 2, limit);
+        w.texels += patches[i].n;
+    }
+    w.unit = .25 * patch_texel(f, which[0]->dir) * far;
+    if (!bad && w.texels) {
+        bad = fit(&t[0], &w);
+        body(&s->l, &t[0]);
+        s->l.far = c->far;
+        s->misfit = sqrt(t[0].misfit / w.n), s->full = w.n;
+        s->sigma_position = unsure(&t[0], &w);
+        radiance(s, &w);
+    }
+    for (int i = 0; i < w.n; i++) patch_free(&patches[i]);
+    return bad ? -1 : w.texels ? 0 : 1;
+}
+
 /* A trial that begins with a body. */
 static void trial_of(trial *t, const ilf_luminaire *l)
 {

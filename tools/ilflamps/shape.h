@@ -22,6 +22,10 @@ typedef struct shape {
  * memory. */
 int shape_fit(shape *s, const centre *c, int number, const bloblist *list, const lightfield *f, double limit);
 
+/* The same as a ball that pictures show blurred (f->blur): by all probes that see about all of it. */
+int shape_fit_ball(shape *s, const centre *c, int number, const bloblist *list, const lightfield *f,
+                   double limit);
+
 /* Fit its body to patches that bring their own gain, lying about `at` with covariance cov (cov NULL: go on
  * from s->l).  Sets l but its radiance, misfit, full.  Returns 0, or -1 without memory. */
 int shape_fit_lens(shape *s, const double at[3], const double cov[3][3], patch *p, int n,

@@ -1,8 +1,8 @@
 /*
  * stack.c - twigs and leaves: where nearly all probes see something dark, something is (a silhouette hull:
  * Laurentini 1994), in sheets one above the other between the plane and the lamp.  A place's opacity is the
- * 12 % quantile over the probes of what their pictures show there; how opaque is opaque is told by the lamp's
- * rows.
+ * 1.5 % quantile over the probes of what their pictures show there; how opaque is opaque is told by the
+ * lamp's rows.
  */
 #include <math.h>
 #include <stdio.h>
@@ -12,10 +12,11 @@
 #include "layers.h"
 #include "vec.h"
 
-enum { COARSE = 72, COARSE_SHEETS = 24, FINE = 208, MOST_SHEETS = 36, KEPT = 16 };
+enum { COARSE = 72, COARSE_SHEETS = 24, FINE = 208, SHEETS = 36, MOST_SHEETS = 108, KEPT = 16 };
 #define ABOVE    .45
-#define QUANTILE .03
-#define CLEAR    .2 /* an opacity below this is none */
+#define QUANTILE .015
+#define PARTING  1.5 /* cells */
+#define CLEAR    .2  /* an opacity below this is none */
 
 typedef struct job {
     const lamp *l;
@@ -45,7 +46,7 @@ static void insert(least *l, int fold, float x, int room)
 
 static int rank_of(int n)
 {
-    const int r = (int)(QUANTILE * n);
+    const int r = (int)(QUANTILE * n + .5);
 
     return r < KEPT - 1 ? r : KEPT - 1;
 }
@@ -188,12 +189,19 @@ static void base_pass(double *base, const model *m, int fold, const job *j)
                 ilf_luminaire_pass(&b, j->f->pos[j->l->rows[k].probe], j->l->rows[k].dir[q]);
 }
 
+/* A few sheets, unless lines from one to the next part by so many cells. */
+static int sheets_for(int wanted)
+{
+    if (wanted > PARTING * SHEETS) return wanted > MOST_SHEETS ? MOST_SHEETS : wanted;
+    return wanted < 4 ? 4 : wanted > SHEETS ? SHEETS : wanted;
+}
+
 static int build(model *m, const job *j, double h0, double h1)
 {
     const double cell = (j->f->len_u + 2 * ABOVE * j->f->size) / (FINE - 1);
     /* from one sheet to the next, lines from probes .6 sizes apart part by a cell */
     const int wanted = (int)ceil(.6 * j->f->size * log(h1 / h0) / cell);
-    const int sheets = wanted < 4 ? 4 : wanted > MOST_SHEETS ? MOST_SHEETS : wanted;
+    const int sheets = sheets_for(wanted);
     ilf_mask *all[FOLDS + 1];
     double *o = malloc((size_t)j->l->nrows * ROW_SAMPLES * 2 * sizeof *o),
            *base = o + (size_t)j->l->nrows * ROW_SAMPLES;
@@ -211,7 +219,7 @@ static int build(model *m, const job *j, double h0, double h1)
     return 0;
 }
 
-enum { MOST_ASKED = 100 };
+enum { MOST_ASKED = 200 };
 
 int layers_stack(model *m, const lamp *l, const lightfield *f, const pictures *pics)
 {
