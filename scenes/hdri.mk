@@ -80,7 +80,7 @@ $(FIELD)/up.exr: $(PICTURE) $(FIELD)/.remap $(call made_by,fishremap)
 	@fishremap $(QUIET) --from latlong --heading $(HEADING) --size $(SIZE) --polar-max 180 -o $@ $<
 $(FIELD)/down.exr: $(PICTURE) $(FIELD)/.remap $(call made_by,fishremap)
 	@fishremap --quiet --from latlong --heading=$$(awk 'BEGIN { print 0 - ($(HEADING)) }') --rotate 180 --size $(SIZE) --polar-max 180 -o $@ $<
-# a plane of one probe, which stands in the middle of a square as large as the room: by that renderers know how finely light changes with the place
+# a plane of one probe, which stands in the middle of a square (as large as the room; to one probe's light its size means nothing)
 plane = $$(getinfo -d < $(FIELD)/walls.oct | awk -v x=$(word 1,$(AT)) -v y=$(word 2,$(AT)) -v z=$(word 3,$(AT)) -v s=$(1) '{ print x - $$4/2, y - s*$$4/2, z, $$4, 0, 0, 0, s*$$4, 0 }')
 $(FIELD)/up.probe.ilf.exr: $(FIELD)/up.exr $(FIELD)/walls.oct $(FIELD)/.place $(call made_by,ilfpack)
 	@ilfpack $(QUIET) --grid 1x1 --plane "$(call plane,1)" -o $@ $<

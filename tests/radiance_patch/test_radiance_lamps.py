@@ -129,3 +129,27 @@ def test_mirror_image_in_glass_is_blurred_by_a_texel_and_loses_nothing(tmp_path,
             error = np.sqrt((1 - share) / (share * n))          # of the rays that meet the lamp
             assert abs(got.sum() / truth.sum() - 1) < 5 * error + 0.01
         ratio.append(got.sum() / truth.sum())
+
+
+def test_light_below_the_probes_horizon_is_aimed_at(tmp_path):
+    """One full-sphere probe in the middle of a room, a bright patch of wall below its plane: a point on the floor sees it above itself, with
+    depth correction.  Rays are aimed there as anywhere (blind ones would find it one time in a thousand)."""
+    side, n = 4.0, 200
+    theta, phi = -PI + (np.arange(512) + .5) * 2 * PI / 512, (np.arange(256) + .5) * PI / 256
+    d = np.stack([np.sin(phi)[:, None] * np.cos(theta), np.sin(phi)[:, None] * np.sin(theta), np.cos(phi)[:, None] * np.ones(512)], -1)
+    on = 2 + d * (2 / np.maximum(d[..., :1], 1e-9))       # where it meets the plane of the wall
+    lit = (d[..., 0] > 0) & (np.abs(on[..., 1] - 2) < .25) & (np.abs(on[..., 2] - 1) < .25)
+    write_ilf(tmp_path / "room.ilf.exr", ILF(f32(100. * lit)[None, None, :, :, None] * np.ones(3), (1.5, 1.5, 2), polar_max=PI))
+    walls = "".join(f"env polygon p{k}\n0\n0\n12 {' '.join(f'{side * c:g}' for c in corners)}\n" for k, corners in enumerate(
+        [(0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0), (0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1), (0, 0, 0, 1, 0, 0, 1, 0, 1, 0, 0, 1),
+         (0, 1, 0, 1, 1, 0, 1, 1, 1, 0, 1, 1), (0, 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1), (1, 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1)]))
+    octree = oconv(tmp_path, "void ilf env\n1 room.ilf.exr\n0\n0\n" + walls)
+    y, z = np.meshgrid(*2 * [(np.arange(200) + .5) / 400 - .25], indexing="ij")
+    for p in ((2, 2, .02), (.5, 1, .02), (3, 3, .3)):
+        r = np.stack([np.full(y.shape, 4.), y + 2, z + 1], -1) - p
+        far = np.sqrt((r ** 2).sum(-1))
+        true = 100 * (r[..., 2] * r[..., 0] / far ** 4).mean() * .25
+        got = rtrace(tmp_path, octree, f32(np.tile(p, (n, 1))), f32(np.tile((0, 0, 1), (n, 1))), *EXACT, "-I", "-ab", "0", "-di", "16",
+                     literal=False)[:, 1]
+        assert abs(got.mean() / true - 1) < .04, (p, got.mean(), true)      # texels at the patch's edge are .7 degrees wide
+        assert got.std(ddof=1) / true < .3, (p, got.std(ddof=1), true)
