@@ -131,3 +131,12 @@ int positions_begin(const session *s, errmsg *e)
         fprintf(out_stream(o), "%d %d\n", s->listed[k][0], s->listed[k][1]);
     return out_commit(o, e);
 }
+
+int positions_anew(session *s, errmsg *e)
+{
+    char path[4096];
+    if (!positions_adaptive(s)) return 0;
+    if (positions_path(path, s, e) != 0) return -1;
+    if (remove(path) != 0 && errno != ENOENT) return err_errno(e, "%s", path);
+    return positions_load(s, e);
+}

@@ -24,6 +24,9 @@ int positions_path(char path[4096], const session *s, errmsg *e);
 /* Write the list of an adaptive session, if it is not there.  The folder is. */
 int positions_begin(const session *s, errmsg *e);
 
+/* Begin again with the coarse grid: the list on disk is removed. */
+int positions_anew(session *s, errmsg *e);
+
 /* How many an adaptive session may visit, unless it says so itself: 5/8 of all nodes. */
 long positions_most(const session *s);
 

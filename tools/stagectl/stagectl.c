@@ -358,7 +358,8 @@ static int do_capture(const char *path)
     if (depends_find(&seen, &s, 1, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
     if (journal_open(&j, &s, o.anew ? JOURNAL_ANEW : JOURNAL_GO_ON, &e) != 0)
         cli_fail(CLI_FAILED, "%s", e.text);
-    if (o.anew && (times_remove(&s, &e) != 0 || journal_anew(j, &e) != 0)) cli_fail(CLI_FAILED, "%s", e.text);
+    if (o.anew && (times_remove(&s, &e) != 0 || positions_anew(&s, &e) != 0 || journal_anew(j, &e) != 0))
+        cli_fail(CLI_FAILED, "%s", e.text);
     if (journal_dropped(j)) cli_note("%s/journal: dropped a torn last line", s.folder);
     int adopted = journal_seen(j, &seen, &e);
     if (adopted < 0) cli_fail(CLI_FAILED, "%s", e.text);
