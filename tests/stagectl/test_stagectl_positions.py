@@ -1,12 +1,14 @@
 """[grid] positions: some nodes of the grid, by a list or chosen between rounds (scenes/adaptive.py)."""
 import json
+import os
 import signal
+import subprocess
 import sys
 import time
 
 import pytest
-from conftest import TOP, run
-from process import execute
+from conftest import BUILD, TOP, environment, needed, run
+from process import Process, execute
 from stage_util import Run, Stage, journal, session, shots
 
 ADAPTIVE = TOP / "scenes/adaptive.py"
@@ -167,3 +169,84 @@ def test_the_table_for_ilfpack(tmp_path):
     assert table("1 2 .5 0 .7 0 -.7 0 0").stdout == "a 1 2 0.5 90\nb 1 2.7 0.5 90\nc 0.3 2.7 0.5 90\n"
     assert "expected a level plane" in table("0 0 0 1 0 .1 0 1 0").stderr and "expected a level plane" in table("0 0 0 0 1 0 1 0 0").stderr
     assert "expected 4 nodes" in table("0 0 0 1 0 0 0 1 0", probes=4).stderr
+
+
+# ---- the whole chain ----------------------------------------------------------------------------------------
+
+ROOM = """void light l
+0
+0
+3 300 200 100
+l sphere lamp
+0
+0
+4 .2 .1 1.5 .08
+void plastic grey
+0
+0
+5 .5 .5 .5 0 0
+grey polygon card
+0
+0
+12 .15 -.5 .7 .8 -.5 .7 .8 .8 .7 .15 .8 .7
+!genbox grey walls 4 4 3 -i | xform -t -2 -2 -.5
+"""
+SESSION = """[grid]
+nodes = 6x6
+plane = -.25 -.25 0 .5 0 0 0 .5 0
+positions = adaptive
+positions_most = {most}
+positions_error = 0
+[stage]
+port = port
+unit_mm = 1000
+origin = -780 -780
+feed = 6000
+settle = 0.1
+[camera]
+exposures = 1/2048 1/64 1/2
+command = virtualcamera --quiet --octree room.oct --plane "{{plane}}" --at {{x}},{{y}} --seconds {{seconds}} --size 128
+  --response srgb --render-options "-ab 0 -av .1 .1 .1" --cache views -o {{file}}
+[output]
+folder = out
+[chain]
+before = oconv -f room.rad > room.oct
+beside = virtualstage --with-parent --time-factor 1000 --link port
+hdrgen = --response srgb
+fishremap = --lens equidistant --fov 185 --size 64x32 --polar-max 90
+ilfpack = --type float
+ilflamps = --geometry room.oct
+"""
+
+
+def chain(folder):
+    return Process(["make", "-C", TOP / "scenes", f"CAPTURE={folder}/s.conf", f"BUILD={BUILD}", "QUIET=--quiet"],
+                   env=environment(MAKEFLAGS="", MAKELEVEL=""), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+
+
+@pytest.mark.sweep
+def test_from_a_coarse_grid_to_a_regular_field(tmp_path):
+    """Run in one go, and ended by kill -9 again and again: the same places, the same field, nothing captured twice."""
+    needed(*"stagectl virtualstage virtualcamera hdrgen fishremap ilfpack oconv rtrace genbox xform".split())
+    for name in ("whole", "killed"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "room.rad").write_text(ROOM)
+        (tmp_path / name / "s.conf").write_text(SESSION.format(most=19))
+    for wait in (4, 9, 9, 9, 9):
+        p = chain(tmp_path / "killed")
+        try:
+            p.wait(wait)
+        except subprocess.TimeoutExpired:
+            os.killpg(p.pid, signal.SIGKILL)
+        p.communicate()
+    for name in ("whole", "killed"):
+        p = chain(tmp_path / name)
+        words, _ = p.communicate()
+        assert p.returncode == 0, words
+    whole, killed = tmp_path / "whole/out", tmp_path / "killed/out"
+    assert listed(whole / "positions.txt") == listed(killed / "positions.txt") and len(visited(whole)) == 19
+    taken = [tuple(r[1:4]) for r in journal(killed) if r[0] == "shot"]
+    assert len(taken) == len(set(taken)) == 3 * 19
+    assert "version 2" in run("ilfinfo", whole / "room.lamps.ilf.exr").text
+    for f in ("room.ilf.exr", "room.lamps.ilf.exr"):
+        assert run("ilfinfo", whole / f).text.replace("whole", "killed") == run("ilfinfo", killed / f).text
