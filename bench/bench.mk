@@ -22,12 +22,23 @@ LAMPS ?=
 bench-lamps: $(B)/bin/ilflamps $(CASTER) radiance $(VENV)/.ilf
 	$(ILF_ENV) OMP_NUM_THREADS=1 ILF_BUILD=$(B) $(PY) bench/lamps/table.py $(LAMPS) $(B)/lamps/table.csv
 
+# Positions chosen by need (scenes/adaptive.py): error against their number in rooms that are known, and, with LIGHT="FILE.csv ...", of
+# illuminances measured on a cube's six faces at many places of a room (ten minutes; ROOMS="card twigs/40": at most 40 places).
+ROOMS ?= card twigs/40
+LIGHT ?=
+.PHONY: bench-positions
+bench-positions: $(B)/bin/ilfpack $(B)/bin/ilflamps $(B)/bin/ilftrace $(CASTER) radiance $(VENV)/.ilf
+	@mkdir -p $(B)/bench/positions
+	$(if $(LIGHT),ILF_BUILD=$(B) $(PY) bench/positions/positions.py measured $(B)/bench/positions/measured.png $(B)/bench/positions/measured.csv $(LIGHT))
+	$(if $(ROOMS),$(ILF_ENV) ILF_BUILD=$(B) $(PY) bench/positions/positions.py rooms $(B)/bench/positions/rooms.csv $(ROOMS))
+
 # Lookups through the Python package beside a loop in C; FIELD=FILE.ilf.exr names the light field, which is taken as it is if it is there.
 FIELD ?= $(DEMO)/room.ilf.exr
 bench-python: $(B)/test/ilfspeed $(VENV)/.ilf $(if $(wildcard $(FIELD)),,$(FIELD))
 	ILF_BUILD=$(B) $(PY) bench/python/speed.py $(FIELD)
 
 #?measures: bench-python    lookups from Python beside a loop in C (FIELD=FILE.ilf.exr)
+#?measures: bench-positions error against the number of positions, chosen by need (ROOMS="card twigs/40" LIGHT="FILE.csv ...")
 #?measures: bench-lamps     lamps taken out against version 1, in rooms of known lamps (LAMPS="--odd 7000:100 --grid 6x6 --texels 128x64")
 
 # Blender's Cycles with our lookup in OSL beside our renderer (half an hour; PyPI's bpy and usd-core, 1 GB unpacked, in a Python of their own).

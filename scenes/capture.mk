@@ -14,6 +14,13 @@
 # checked before the first exposure.  What a program makes is made anew when the program's bytes have changed (rules.mk), pictures
 # of a virtual camera too where its session counts FOLDER/camera.programs among [camera] depends; those of a real one never.
 # Names must be free of blanks.
+#
+# Where [grid] positions says that only some nodes are visited, ilfpack --positions makes the regular field of them:
+#
+#   FOLDER/PLACE/probe.exr ──ilfpack --positions──► room.ilf.exr [and, lamps taken out, room.lamps.ilf.exr], FOLDER/positions.json
+#
+# positions = adaptive: between two rounds of the capture stagectl asks for the goal `next`, which makes these of what is there, and
+# by the report puts the next places on FOLDER/positions.txt (adaptive.py).
 
 SHELL       := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
@@ -63,8 +70,16 @@ BESIDE  := $(call get,chain.beside)
 BEFORE  := $(call get,chain.before)
 PORT    := $(call get,stage.port)
 
-.PHONY: light_field capture
+POSITIONS := $(call get,grid.positions)
+
+.PHONY: light_field capture next
+# an adaptive capture adds places: what is made of them is a make of its own after it
+ifeq ($(POSITIONS)$(ROUND),adaptive)
+light_field: $(FOLDER)/.captured
+	+@$(MAKE) -s --no-print-directory -f $(CHAIN)/capture.mk CAPTURE=$(SESSION) BUILD=$(abspath $(BUILD)) QUIET=$(QUIET) ON=$(ON) ROUND=1 light_field
+else
 light_field: $(LIGHT) $(LIT)
+endif
 capture: $(FOLDER)/.captured
 include $(CHAIN)/rules.mk $(CHAIN)/on.mk
 
@@ -83,6 +98,8 @@ $(FOLDER)/.seen: $(if $(CAMERA_PROGRAMS),$(FOLDER)/camera.programs) FORCE
 # A program that runs beside it (a virtual stage) is ended with it; its port is waited for.  In a process group of its own
 # it is spared the Ctrl-C that tells stagectl to hold the stage.
 include $(CHAIN)/twin.mk
+# (ROUND: a make that works on what was captured, and captures nothing)
+ifeq ($(ROUND),)
 $(FOLDER)/.captured: $(SESSION) $(FOLDER)/.seen $(VIEWS_DONE) $(if $(MISSING)$(filter-out changed,$(ANEW)),FORCE)
 	@mkdir -p $(@D)
 	@cd $(HERE); stagectl plan $(SESSION) >/dev/null
@@ -94,6 +111,7 @@ $(FOLDER)/.captured: $(SESSION) $(FOLDER)/.seen $(VIEWS_DONE) $(if $(MISSING)$(f
 	@touch $@
 # (with an empty recipe make looks at the lists again once they may have been written anew)
 $(TIMES): $(FOLDER)/.captured ;
+endif
 
 # ---- from the pictures to the light field: each step with its program, its options and the files that these name -----
 # corners outside a fisheye's image circle are black by nature: hdrgen counts inside
@@ -124,6 +142,32 @@ else
 endif
 %/fisheye.exr: %/$(LIST) $(FOLDER)/.hdrgen $(call named,$(HDRGEN)) $(call made_by,hdrgen)
 	@cd $(HERE); $(call on,merge,$@) hdrgen $(QUIET) $(HDRGEN) --times $< -o $@ $$(awk -v d=$(@D)/ '/^[^#]/ {print d $$1}' $<)
+ifneq ($(POSITIONS),all)
+# places stand exactly where they should: none is refined.  Lamps are taken out where the session wants ilflamps, by its own octree
+LIST_OF_NODES := $(if $(filter adaptive,$(POSITIONS)),$(FOLDER)/positions.txt,$(if $(filter /%,$(POSITIONS)),,$(HERE))$(POSITIONS))
+OCTREE    := $(patsubst --geometry=%,%,$(filter --geometry=%,$(subst --geometry ,--geometry=,$(ILFLAMPS))))
+FREELY     = ilfpack $(QUIET) $(ILFPACK) $(OCTREE:%=--geometry %) --refine never --grid $(NODES) --plane "$(PLANE)" --positions $(FOLDER)/positions.table \
+                 --report $(FOLDER)/positions.json
+ADAPT      = python3 $(CHAIN)/adaptive.py --nodes $(NODES)
+AT_PLACES := $(PLACES:%=%/probe.exr) $(FOLDER)/positions.table $(FOLDER)/.ilfpack $(call named,$(ILFPACK) $(OCTREE)) $(call made_by,ilfpack)
+$(eval $(call settings,$(FOLDER)/.ilflamps,$(ILFLAMPS)))
+$(FOLDER)/positions.table: $(LIST_OF_NODES) $(CHAIN)/adaptive.py
+	@$(ADAPT) --table --plane "$(PLANE)" $< $(PLACES:%=%/probe.exr) > $@
+$(LIGHT): $(AT_PLACES)
+	@cd $(HERE); $(call on,lamps,$@) $(FREELY) --lamps keep -o $@
+	@$(call builds,$(@:.exr=.programs),$(CAMERA_PROGRAMS) hdrgen fishremap ilfpack)
+	@echo "light field: $@"
+ifneq ($(LIT),)
+$(LIT): $(AT_PLACES) $(FOLDER)/.ilflamps
+	@cd $(HERE); $(call on,lamps,$@) $(FREELY) -o $@
+	@$(call builds,$(@:.exr=.programs),ilfpack)
+	@echo "its lamps taken out: $@"
+endif
+# after a round: stagectl, which asks for it, waits
+next: $(or $(LIT),$(LIGHT))
+	@$(ADAPT) --most $(or $(filter-out 0,$(call get,grid.positions_most)),$$(echo $(NODES) | awk -Fx '{print int((5 * $$1 * $$2 + 7) / 8)}')) \
+	    --error $(call get,grid.positions_error) $(FOLDER)/positions.json $(FOLDER)/positions.txt
+else
 $(LIGHT): $(PLACES:%=%/probe.exr) $(FOLDER)/.ilfpack $(call named,$(ILFPACK)) $(call made_by,ilfpack)
 	@cd $(HERE); ilfpack $(QUIET) $(ILFPACK) --grid $(NODES) --plane "$(PLANE)" -o $@ $(PLACES:%=%/probe.exr)
 	@$(call builds,$(@:.exr=.programs),$(CAMERA_PROGRAMS) hdrgen fishremap ilfpack)
@@ -134,4 +178,5 @@ $(LIT): $(LIGHT) $(FOLDER)/.ilflamps $(call named,$(ILFLAMPS)) $(call made_by,il
 	@cd $(HERE); $(call on,lamps,$@) ilflamps $(QUIET) $(ILFLAMPS) -o $@ $<
 	@$(call builds,$(@:.exr=.programs),ilflamps)
 	@echo "its lamps taken out: $@"
+endif
 endif

@@ -60,7 +60,7 @@ for h in ilf ilf_luminaire; do put 644 "ilfmat/$h.h" "$dest/include/$h.h"; done
 done
 # the chain from a session to its light field, a session to begin with, and our programs under the names that both use
 mkdir -p "$dest/share/ilf/chain" "$dest/share/ilf/example" "$dest/lib/ilf/bin"
-for f in capture.mk panoramas.mk hdri.mk picture.mk rules.mk twin.mk view.sh digest.sh on.mk slurm.sh rows.mk rows.py timed.py builds.py; do put 644 "scenes/$f" "$dest/share/ilf/chain/$f"; done
+for f in capture.mk panoramas.mk hdri.mk picture.mk rules.mk twin.mk view.sh digest.sh on.mk slurm.sh rows.mk rows.py timed.py builds.py adaptive.py; do put 644 "scenes/$f" "$dest/share/ilf/chain/$f"; done
 put 644 scenes/capture/room.rad "$dest/share/ilf/example/room.rad"
 sed -e 's,\.\./\.\./build/capture,out,g' -e 's,make -C scenes CAPTURE=.*,make -f PREFIX/share/ilf/chain/capture.mk CAPTURE=session.conf   (in a copy of this folder),' \
     scenes/capture/session.conf >"$build0/session.part"

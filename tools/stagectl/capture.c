@@ -16,8 +16,11 @@
 #include "files.h"
 #include "leftover.h"
 #include "names.h"
+#include "positions.h"
 #include "signals.h"
 #include "trying.h"
+
+enum { CHAIN_S = 1800 };
 
 void capture_show(capture_run *r, const char *doing)
 {
@@ -108,6 +111,7 @@ static stage_code finish_place(capture_run *r, const place *p, errmsg *e)
 static stage_code wait_for_camera(capture_run *r, errmsg *e)
 {
     double until = now_s() + r->s->timeout + r->s->exposure[r->s->exposures - 1];
+    if (positions_adaptive(r->s)) until += CHAIN_S; /* it may be a step of the chain (rounds.h) */
     char name[64];
     errmsg words;
     int told = 0;

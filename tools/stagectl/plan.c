@@ -6,7 +6,7 @@
 
 long plan_places(const session *s)
 {
-    return (long)s->nodes[0] * s->nodes[1];
+    return s->listed ? s->n_listed : (long)s->nodes[0] * s->nodes[1];
 }
 
 static void to_machine(double machine[2], const session *s, const double plane[2])
@@ -29,9 +29,9 @@ void plan_place(place *p, const session *s, long index)
 {
     int n = s->nodes[0];
     p->index = index;
-    p->j = (int)(index / n);
-    p->i = (int)(index % n);
-    if (s->order == ORDER_SERPENTINE && p->j % 2 == 1) p->i = n - 1 - p->i;
+    p->j = s->listed ? s->listed[index][1] : (int)(index / n);
+    p->i = s->listed ? s->listed[index][0] : (int)(index % n);
+    if (!s->listed && s->order == ORDER_SERPENTINE && p->j % 2 == 1) p->i = n - 1 - p->i;
     const int at[2] = {p->i, p->j};
     for (int a = 0; a < 2; a++) {
         const double *edge = s->plane + 3 + 3 * a;

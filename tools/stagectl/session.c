@@ -11,6 +11,7 @@
 #include "fisheye.h"
 #include "ini.h"
 #include "names.h"
+#include "positions.h"
 #include "session_internal.h"
 #include "stage.h"
 
@@ -163,6 +164,7 @@ int session_load(session *out, const char *path, errmsg *e)
     if (!bad && check(&s, &why) != 0) bad = err_set(e, "%s: %s", path, why.text);
     if (!bad) bad = settle_kind(&s, e);
     if (!bad) bad = place_folder(&s, path, e);
+    if (!bad) bad = positions_load(&s, e);
     free(text);
     if (bad) {
         session_free(&s);
@@ -174,13 +176,15 @@ int session_load(session *out, const char *path, errmsg *e)
 
 void session_free(session *s)
 {
-    char **texts[] = {&s->driver,      &s->port,           &s->axes,   &s->command,     &s->labels,
-                      &s->error_text,  &s->exposures_text, &s->folder, &s->file,        &s->times,
-                      &s->before,      &s->beside,         &s->hdrgen, &s->fishremap,   &s->ilfpack,
-                      &s->light_field, &s->depends,        &s->lens,   &s->home_folder, &s->expect_text,
-                      &s->homing,      &s->ilflamps};
+    char **texts[] = {&s->driver,      &s->port,           &s->axes,      &s->command,     &s->labels,
+                      &s->error_text,  &s->exposures_text, &s->folder,    &s->file,        &s->times,
+                      &s->before,      &s->beside,         &s->hdrgen,    &s->fishremap,   &s->ilfpack,
+                      &s->light_field, &s->depends,        &s->lens,      &s->home_folder, &s->expect_text,
+                      &s->homing,      &s->ilflamps,       &s->positions, &s->next};
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++) {
         free(*texts[i]);
         *texts[i] = NULL;
     }
+    free(s->listed);
+    s->listed = NULL;
 }

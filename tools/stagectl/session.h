@@ -19,9 +19,14 @@ typedef enum fail_action { FAIL_STOP, FAIL_SKIP } fail_action;
 
 typedef struct session {
     /* [grid] */
-    int nodes[2];    /* along u, v */
-    double plane[9]; /* O U V, scene units */
-    int order;       /* capture_order */
+    int nodes[2];           /* along u, v */
+    double plane[9];        /* O U V, scene units */
+    int order;              /* capture_order */
+    char *positions;        /* "all", "adaptive", or a list of nodes (positions.h) */
+    int positions_most;     /* adaptive: at most so many; 0 = 5/8 of the nodes */
+    double positions_error; /* adaptive: enough, when light from above is as certain as this */
+    int (*listed)[2];       /* nodes i, j to visit, in order; NULL = all */
+    long n_listed;
     /* [stage] */
     char *driver, *port;    /* port "" = not given */
     double unit_mm;         /* mm per scene unit */
@@ -73,7 +78,7 @@ typedef struct session {
     int repeat_points;
     char *home_folder; /* of the session file: "" or ending in / */
     /* [chain] for scenes/capture.mk; stagectl only checks it */
-    char *before, *beside, *hdrgen, *fishremap, *ilfpack, *ilflamps, *light_field;
+    char *before, *beside, *hdrgen, *fishremap, *ilfpack, *ilflamps, *light_field, *next;
 } session;
 
 /* Where a session stands in the plan's identity: resumed only if these are what they were. */

@@ -17,6 +17,9 @@ const session_key session_keys[] = {
     {"grid", "nodes", KEY_SIZE, AT(nodes), 1, 100000, NULL, 1, "NxM: grid nodes along U and V"},
     {"grid", "plane", KEY_NUMBERS9, AT(plane), -1e300, 1e300, NULL, 1, "Ox Oy Oz Ux Uy Uz Vx Vy Vz: corner and edges of the sampled rectangle, scene units"},
     {"grid", "order", KEY_ORDER, AT(order), 0, 0, "serpentine", 1, "serpentine (each second row backwards) or raster"},
+    {"grid", "positions", KEY_TEXT, AT(positions), 0, 0, "all", 0, "nodes to visit: all, a file with a line 'I J' for each, or adaptive: a coarse grid, then where what hides the lamps is least certain"},
+    {"grid", "positions_most", KEY_WHOLE, AT(positions_most), 0, 1e6, "0", 0, "adaptive: at most so many nodes; 0 = 5/8 of them"},
+    {"grid", "positions_error", KEY_NUMBER, AT(positions_error), 0, 1, "0.005", 0, "adaptive: enough when light from above is uncertain by this share"},
     {"stage", "driver", KEY_TEXT, AT(driver), 0, 0, "grbl", 1, "grbl or c4"},
     {"stage", "port", KEY_TEXT, AT(port), 0, 0, "", 0, "serial port; --port on the command line wins"},
     {"stage", "unit_mm", KEY_NUMBER, AT(unit_mm), 1e-9, 1e9, "1", 1, "mm per scene unit (1000 when the scene is in metres)"},
@@ -74,6 +77,7 @@ const session_key session_keys[] = {
     {"chain", "ilfpack", KEY_TEXT, AT(ilfpack), 0, 0, "--type half", 0, "options of ilfpack"},
     {"chain", "ilflamps", KEY_TEXT, AT(ilflamps), 0, 0, "", 0, "options of ilflamps, which then writes the light field a second time, its lamps taken out; empty = it is not run"},
     {"chain", "light_field", KEY_TEXT, AT(light_field), 0, 0, "room.ilf.exr", 0, "name of the light field in the folder"},
+    {"chain", "next", KEY_TEXT, AT(next), 0, 0, "", 0, "adaptive: shell command run between rounds, which puts nodes on the list positions.txt in the folder or leaves it; empty = the rules' own choice"},
     {0}};
 /* clang-format on */
 

@@ -13,6 +13,8 @@
 #include "capture.h"
 #include "files.h"
 #include "names.h"
+#include "positions.h"
+#include "rounds.h"
 #include "signals.h"
 #include "stagectl_show.h"
 
@@ -307,6 +309,23 @@ static void dry_capture(const session *s)
     }
 }
 
+/* Once over the places; adaptive sessions again and again, as long as the chain asks for more. */
+static stage_code all_rounds(capture_run *r, session *s, const char *path, errmsg *e)
+{
+    const capture_run fresh = *r;
+    for (;;) {
+        const long taken = r->shots_taken;
+        const int known = r->was_known;
+        long more;
+        *r = fresh;
+        r->was_known = known, r->shots_taken = taken;
+        stage_code c = capture_all(r, e);
+        if (c != STAGE_OK || !positions_adaptive(s)) return c;
+        if ((c = rounds_next(&more, s, path, note, e)) != STAGE_OK || more == 0) return c;
+        latest.places = plan_places(s);
+    }
+}
+
 static int do_capture(const char *path)
 {
     session s;
@@ -339,7 +358,8 @@ static int do_capture(const char *path)
     if (depends_find(&seen, &s, 1, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
     if (journal_open(&j, &s, o.anew ? JOURNAL_ANEW : JOURNAL_GO_ON, &e) != 0)
         cli_fail(CLI_FAILED, "%s", e.text);
-    if (o.anew && (times_remove(&s, &e) != 0 || journal_anew(j, &e) != 0)) cli_fail(CLI_FAILED, "%s", e.text);
+    if (o.anew && (times_remove(&s, &e) != 0 || positions_anew(&s, &e) != 0 || journal_anew(j, &e) != 0))
+        cli_fail(CLI_FAILED, "%s", e.text);
     if (journal_dropped(j)) cli_note("%s/journal: dropped a torn last line", s.folder);
     int adopted = journal_seen(j, &seen, &e);
     if (adopted < 0) cli_fail(CLI_FAILED, "%s", e.text);
@@ -355,7 +375,8 @@ static int do_capture(const char *path)
         cli_warn("%s: %.1f MB free, the rest may need %.1f MB", s.folder, room / 1e6, more / 1e6);
     r.j = j;
     latest.places = t.places;
-    stage_code c = capture_all(&r, &e);
+    if (positions_begin(&s, &e) != 0) cli_fail(CLI_FAILED, "%s", e.text);
+    stage_code c = all_rounds(&r, &s, path, &e);
     if (c == STAGE_OK && r.shots_taken > 0) { /* nobody may have edited the room meanwhile */
         if (depends_find(&after, &s, 1, &e) != 0 || journal_seen(j, &after, &e) < 0) c = STAGE_FAILED;
         depends_free(&after);
@@ -387,8 +408,11 @@ static int do_verify(const char *path)
     depends_free(&seen);
     long amiss = reconcile(j, &s, 1, 0, warn, &e), done = 0, shots = journal_shots(j);
     if (amiss < 0) cli_fail(CLI_FAILED, "%s", e.text);
-    for (int jj = 0; jj < s.nodes[1]; jj++)
-        for (int i = 0; i < s.nodes[0]; i++) done += journal_at(j, i, jj)->done;
+    for (long k = 0; k < plan_places(&s); k++) {
+        place p;
+        plan_place(&p, &s, k);
+        done += journal_at(j, p.i, p.j)->done;
+    }
     printf("%ld of %ld places finished, %ld exposures on record, %ld missing or changed\n", done,
            plan_places(&s), shots, amiss);
     journal_close(j);

@@ -13,6 +13,8 @@
 #include "depends.h"
 #include "names.h"
 #include "plan.h"
+#include "positions.h"
+#include "rounds.h"
 #include "stage.h"
 
 void load_session(session *s, const char *path)
@@ -70,6 +72,23 @@ static void print_travel(const session *s, const stage_facts *f, const char *pat
            stated || f->has_travel ? "all points inside" : "not checked: [stage] travel is not given");
 }
 
+/* What an adaptive capture may come to; the chain's own time between rounds is not known. */
+static void print_rounds(const session *s, const plan_totals *t, const char *path)
+{
+    char command[8192];
+    errmsg e;
+    const long most = positions_most(s) > t->places ? positions_most(s) : t->places;
+    printf(
+        "adaptive    %ld places are listed; more where the lamps are least certain, until light is uncertain "
+        "by %g %%\n            or there are %ld\n",
+        t->places, 100 * s->positions_error, most);
+    print_time("at most", t->total_s * (double)most / (double)t->places);
+    printf("            and the chain's work and homing between rounds; %.1f MB on disk\n",
+           t->bytes * (double)most / (double)t->places / 1e6);
+    if (rounds_command(command, s, path, &e) != 0) cli_fail(CLI_FAILED, "%s: %s", path, e.text);
+    printf("next        %s\n", command);
+}
+
 int show_plan(const char *path, const char *device)
 {
     session s;
@@ -84,15 +103,16 @@ int show_plan(const char *path, const char *device)
         memcpy(limits.acceleration, f.acceleration, sizeof limits.acceleration);
     }
     plan_sum(&t, &s, &limits);
-    printf("places      %ld (%d x %d)\nexposures   %ld (%d a place, %g to %g s%s)\n", t.places, s.nodes[0],
-           s.nodes[1], t.exposures, s.exposures, s.exposure[0], s.exposure[s.exposures - 1],
-           s.adaptive ? "; auto: at most" : "");
+    printf("places      %ld (%s%d x %d)\nexposures   %ld (%d a place, %g to %g s%s)\n", t.places,
+           s.listed ? "of " : "", s.nodes[0], s.nodes[1], t.exposures, s.exposures, s.exposure[0],
+           s.exposure[s.exposures - 1], s.adaptive ? "; auto: at most" : "");
     printf("moves       %ld, %.1f mm, x %g to %g, y %g to %g mm\n", t.moves, t.distance_mm, t.lo[0], t.hi[0],
            t.lo[1], t.hi[1]);
     print_time("moving", t.move_s);
     print_time("settling", t.settle_s);
     print_time("exposing", t.exposure_s + t.overhead_s);
     print_time("in all", t.total_s);
+    if (positions_adaptive(&s)) print_rounds(&s, &t, path);
     double room = free_bytes(s.folder);
     printf("disk        %.1f MB", t.bytes / 1e6);
     if (room >= 0) printf(" of %.1f MB free%s", room / 1e6, room < t.bytes ? ": NOT ENOUGH" : "");
@@ -134,25 +154,25 @@ int show_get(const char *path, const char *what)
     cli_fail(CLI_USAGE, "get: expected SECTION.KEY, found '%s'", what);
 }
 
-/* The list of times of each place, i fastest: what stands beside it is made from it (scenes/capture.mk). */
+/* The list of times of each place, i fastest (or as listed): what stands beside it is made from it (scenes/capture.mk). */
 int show_list(const char *path)
 {
     session s;
     char times[NAME_ROOM], picture[NAME_ROOM];
     errmsg e;
     load_session(&s, path);
-    for (int j = 0; j < s.nodes[1]; j++)
-        for (int i = 0; i < s.nodes[0]; i++) {
-            if (name_times(times, &s, i, j, &e) != 0 || name_picture(picture, &s, i, j, 0, &e) != 0)
-                cli_fail(CLI_FAILED, "%s: %s", path, e.text);
-            const char *a = strrchr(times, '/'), *b = strrchr(picture, '/');
-            if (!a || !b || a - times != b - picture || strncmp(times, picture, (size_t)(a - times)) != 0)
-                cli_fail(
-                    CLI_FAILED,
-                    "%s: expected [output] times in the folder of its place's pictures, found '%s' and '%s'",
-                    path, times, picture);
-            printf("%s/%s\n", s.folder, times);
-        }
+    for (long k = 0; k < plan_places(&s); k++) {
+        const int i = s.listed ? s.listed[k][0] : (int)(k % s.nodes[0]),
+                  j = s.listed ? s.listed[k][1] : (int)(k / s.nodes[0]);
+        if (name_times(times, &s, i, j, &e) != 0 || name_picture(picture, &s, i, j, 0, &e) != 0)
+            cli_fail(CLI_FAILED, "%s: %s", path, e.text);
+        const char *a = strrchr(times, '/'), *b = strrchr(picture, '/');
+        if (!a || !b || a - times != b - picture || strncmp(times, picture, (size_t)(a - times)) != 0)
+            cli_fail(CLI_FAILED,
+                     "%s: expected [output] times in the folder of its place's pictures, found '%s' and '%s'",
+                     path, times, picture);
+        printf("%s/%s\n", s.folder, times);
+    }
     session_free(&s);
     return CLI_OK;
 }
