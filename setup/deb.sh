@@ -39,6 +39,7 @@ mkdir -p "$work/python3-ilf/usr/share/doc/python3-ilf"
 move python3-ilf usr/share/ilf/python/README.md usr/share/doc/python3-ilf/README.md
 move python3-ilf usr/share/ilf/python/examples usr/share/doc/python3-ilf/examples
 rm -r "$staged/usr/share/ilf/python" # pip's part
+rm "$staged/usr/share/ilf/programs/ilf/libilf.so.$abi" # the loader finds it
 move ilf-tools usr/bin usr/bin
 move ilf-tools usr/lib/ilf usr/lib/ilf
 move ilf-tools usr/share/ilf usr/share/ilf
@@ -159,10 +160,10 @@ pack python3-ilf python "$lib (>= $version), python3 (>= 3.11), python3-numpy, p
 This package has the Python package ilf: light fields as numpy arrays,
 lookups by the million."
 libs=$(libraries ilf-tools)
-pack ilf-tools graphics "$libs" "incident light fields: from photographs to pictures" "$what
+pack ilf-tools graphics "$lib (>= $version), $libs" "incident light fields: from photographs to pictures" "$what
 
 This package has the whole way: exposure merging, remapping, packing, a
 stage's control, lamps and distances found in light fields, a page to look at
 them; and renderers with a material for them, which lie in /usr/lib/ilf/bin
-(see README.Debian)." "Recommends: make
-Suggests: gphoto2, libilf-dev, python3-ilf"
+(see README.Debian)." "Recommends: make, python3 (>= 3.11), python3-numpy, python3-scipy, python3-cffi, python3-cffi-backend
+Suggests: gphoto2, libilf-dev, python3-ilf, python3-matplotlib"

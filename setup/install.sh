@@ -26,6 +26,14 @@ named() { # named PROGRAM: what it is called in PREFIX/bin
     case " ${prefixed:-$1} " in *" $1 "*) echo "$mark$1" ;; *) echo "$1" ;; esac
 }
 
+# programs in Python: their parts, and the package ilf as they use it; what is in bin finds them
+parts=$dest/share/ilf/programs
+mkdir -p "$parts/ilfstage" "$parts/ilf/include"
+for f in tools/ilfstage/*.py; do put 644 "$f" "$parts/ilfstage/$(basename "$f")"; done
+for f in python/src/ilf/*.py; do put 644 "$f" "$parts/ilf/$(basename "$f")"; done
+for h in ilf ilf_luminaire; do put 644 "ilfmat/$h.h" "$parts/ilf/include/$h.h"; done
+ln -sf "../../../../lib/libilf.so.$abi" "$parts/ilf/libilf.so.$abi"
+
 ours=1
 for p in "$@"; do
     if [ "$p" = -- ]; then
@@ -75,13 +83,6 @@ done
     mkdir -p "$(dirname "$dest/share/ilf/python/$f")"
     put 644 "python/$f" "$dest/share/ilf/python/$f"
 done
-# programs in Python: their parts, and the package ilf as they use it; what is in bin finds them
-parts=$dest/share/ilf/programs
-mkdir -p "$parts/ilfstage" "$parts/ilf/include"
-for f in tools/ilfstage/*.py; do put 644 "$f" "$parts/ilfstage/$(basename "$f")"; done
-for f in python/src/ilf/*.py; do put 644 "$f" "$parts/ilf/$(basename "$f")"; done
-for h in ilf ilf_luminaire; do put 644 "ilfmat/$h.h" "$parts/ilf/include/$h.h"; done
-ln -sf "../../../../lib/libilf.so.$abi" "$parts/ilf/libilf.so.$abi"
 # the lookup as a shader of OSL, and who makes a material of it in Blender
 for f in ilf.osl ilf_blender.py; do put 644 "ilfmat/osl/$f" "$dest/share/ilf/$f"; done
 put 644 LICENSE "$doc/LICENSE"

@@ -24,14 +24,20 @@ def lacks(e):
 def main(words):
     one_thread_for_algebra()
     try:
-        from . import options
+        from . import complete, options
         from .errors import Bad, Usage
     except ImportError as e:
         return lacks(e)
     if "--help" in words or "--version" in words:
         sys.stdout.write(options.help_text() if "--help" in words else f"{PROGRAM} {version()}\n")
         return 0
+    shell = words[0].removeprefix("--completion=") if len(words) == 1 and words[0].startswith("--completion=") else ""
+    if shell in ("bash", "zsh"):
+        sys.stdout.write(complete.script(shell, PROGRAM, os.environ.get("ILFSTAGE_CALLED", PROGRAM)))
+        return 0
     try:
+        if shell:
+            raise Usage(f"option --completion: expected bash or zsh, found '{shell}'")
         given = options.parse(words)
         options.check(given)
     except Usage as e:

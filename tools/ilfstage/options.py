@@ -1,8 +1,7 @@
 """The command line: one table drives parsing and --help; its words and looks are those of the toolchain's programs in C (common/base/cli.h)."""
+import math
 import textwrap
 from dataclasses import dataclass, field
-
-import numpy as np
 
 from . import PROGRAM
 from .errors import Usage
@@ -17,7 +16,7 @@ def numbers(least, most=None):
             values = [float(w) for w in text.split()]
         except ValueError:
             values = []
-        if not least <= len(values) <= (most or least) or not np.isfinite(values).all():
+        if not least <= len(values) <= (most or least) or not all(map(math.isfinite, values)):
             raise ValueError(f"{least} numbers" if not most else f"{least} to {most} numbers")
         return values
     return read
@@ -59,7 +58,7 @@ def volume(text):
         edges, counts = [float(w) for w in words[:3]], [int(w) for w in words[3].split("x")]
     except (ValueError, IndexError):
         edges, counts = [], []
-    if len(words) != 4 or len(counts) != 3 or not np.isfinite(edges).all() or min(edges) < 0 or min(counts) < 1 or np.prod(counts) > 1000:
+    if len(words) != 4 or len(counts) != 3 or not all(map(math.isfinite, edges)) or min(edges) < 0 or min(counts) < 1 or math.prod(counts) > 1000:
         raise ValueError("\"W D H NxMxK\", at most 1000 points")
     return edges, counts
 
@@ -176,7 +175,7 @@ def check(given):
     for a, b in (("at", "path"), ("mesh", "volume"), ("mesh", "show")):
         if given.values[a] is not None and given.values[b] is not None:
             raise Usage(f"expected --{a} or --{b}, found both")
-    if given.camera is not None and not np.any(given.camera):
+    if given.camera is not None and not any(given.camera):
         raise Usage("option --camera: expected a direction, found 0 0 0")
     if min(given.reflectance) < 0 or max(given.reflectance) > 1 or not any(given.reflectance):
         raise Usage("option --reflectance: expected numbers from 0 to 1, not all 0, found " + " ".join(f"{x:g}" for x in given.reflectance))
