@@ -73,6 +73,8 @@ MUTATIONS = {
     "patch-narrower-than-it-is": ("ilfmat/sampling/ilf_slice.c", "const double reach = cone + HALF_CELL;", "const double reach = 1e-3 + 0 * (cone + HALF_CELL);", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_no_direction_with_excess_is_missed[lamps-box]"),
     "things-behind-lamps-lost": ("ilfmat/sampling/ilf_patch.c", "HALVINGS = 3, MAX_LAYERS = 6", "HALVINGS = 3, MAX_LAYERS = 1", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_light_shows_on_what_stands_behind_a_lamp"),
     "density-too-high": ("ilfmat/sampling/ilf_draw.c", "(1 - SLICE_UNIFORM) * map;", "(1 - SLICE_UNIFORM) * map * 1.05;", "build/test/ilfdraw", "tests/ilfmat/test_ilf_sampling.py::test_integrals_of_the_density"),
+    "light-under-the-horizon-unseen": ("ilfmat/sampling/ilf_patches.c", "pl->mode == ILF_DEPTH ? ILF_PI : ILF_PI / 2", "ILF_PI / 2", "build/bin/rtrace", "tests/radiance_patch/test_radiance_lamps.py::test_light_below_the_probes_horizon_is_aimed_at"),
+    "rounded-downwards": ("ilfmat/file/ilf_round.c", "u = (u + half + (u >> cut & 1)) & ~below;", "u &= ~below;", "build/bin/ilfpack", "tests/ilfpack/test_ilfpack_shrink.py::test_up_as_often_as_down"),
     "weights-in-radiance": ("ilfmat/sampling/ilf_patches.c", "(double)pl->p[k].excess / pl->unit, LEAST_WEIGHT", "(double)pl->p[k].excess, 0", "build/test/ilfdraw", LOOKUP + "test_sampler_at_any_level"),
     # ---- the estimator
     "chosen-counts-too-much": ("ilfmat/sampling/ilf_light.c", "draws = l->candidates > 0 ? l->candidates : 1;", "draws = l->n;", "build/test/ilflight", LIGHT + "test_mean_is_the_integral"),
