@@ -4,7 +4,7 @@ import os
 
 import numpy as np
 import pytest
-from conftest import BUILD, environment, run
+from conftest import BUILD, TOP, environment, run
 from ilf_util import Lamp, Mask, assert_same, directional_ilf, random_ilf, rays_text, read_mosaic, unit, write_ilf
 from process import execute
 from test_ilf_lamps import contents, masks_of
@@ -131,7 +131,7 @@ def test_found_and_written_it_is_what_rays_say(tmp_path):
 # ---- a Radiance without our patches --------------------------------------------------------------------
 
 def stock(program, *args, cwd, stdin=b""):
-    env = environment(RAYPATH=f".:{BUILD / 'lib'}", PATH=f"{STOCK}:{os.environ['PATH']}")
+    env = environment(RAYPATH=f".:{BUILD / 'lib'}:{TOP / 'build/lib'}", PATH=f"{STOCK}:{os.environ['PATH']}")
     return execute([STOCK / program, *map(str, args)], cwd=cwd, env=env, input=stdin, capture_output=True, check=True).stdout
 
 

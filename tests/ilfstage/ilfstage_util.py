@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from conftest import BIN, FETCHED, TOP
+from conftest import BIN, FETCHED, TOP, environment
 
 sys.path[:0] = [str(TOP / "tools")]
 
@@ -19,6 +19,7 @@ import ilf  # noqa: E402
 def our_programs(monkeypatch):
     """Parts that run in the tests' own process find Radiance's programs as the program does.  (Imported by each file of tests.)"""
     monkeypatch.setenv("PATH", f"{BIN}:{FETCHED}:{os.environ['PATH']}")
+    monkeypatch.setenv("RAYPATH", environment()["RAYPATH"])
 
 
 PLANE = {"origin": (-.5, -.5, 0), "U": (1, 0, 0), "V": (0, 1, 0)}

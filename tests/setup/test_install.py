@@ -304,5 +304,6 @@ def test_env_keeps_what_the_shell_had(before):
         assert p.returncode == 0, p.stderr
         path, ray, man = p.stdout.splitlines()
         assert path.startswith(f"{BUILD}/bin:") and path.endswith(":/opt/a b:/usr/bin:/bin")
-        assert ray == f".:{TOP}/build/lib:{before or '/usr/local/lib/ray'}"
+        beside = "" if BUILD == TOP / "build" else f"{BUILD}/lib:"
+        assert ray == f".:{beside}{TOP}/build/lib:{before or '/usr/local/lib/ray'}"
         assert man == f"{TOP}/build/man:{before or ''}"                 # an empty part is the system's default

@@ -364,7 +364,7 @@ def test_taken_anew_without_the_raw_half(tmp_path, roll):
 
 # ---- what a command leaves behind ---------------------------------------------------------------------------------------
 
-SERVER = "import os, sys, time\nif os.fork() == 0:\n    os.setsid()\n    open(sys.argv[1], 'w').write(str(os.getpid()))\n    time.sleep(30)\n"
+SERVER = "import os, sys, time\nif os.fork() == 0:\n    os.setsid()\n    open(sys.argv[1], 'w').write(str(os.getpid()))\n    time.sleep(30)\nwhile not os.path.exists(sys.argv[1]):\n    time.sleep(.01)\n"
 
 
 def alive(pid):

@@ -45,17 +45,21 @@ static int load_raw_flat(img *flat, const job *j, errmsg *e)
         memcmp(&s.mosaic, j->mosaic, sizeof s.mosaic) != 0)
         return err_set(e, "%s: expected %dx%d photosites with the series' colour filters, found %dx%d%s",
                        path, f->width, f->height, s.width, s.height, s.channels == 1 ? "" : " without");
-    if (img_alloc(flat, s.width, s.height, 1, e) || sensor_read(&values, &s, path, e)) return -1;
+    if (img_alloc(flat, s.width, s.height, 1, e)) return -1;
+    if (sensor_read(&values, &s, path, e)) {
+        img_free(flat);
+        return -1;
+    }
     int64_t clipped = 0, n = (int64_t)s.width * s.height;
     for (int64_t i = 0; i < n; i++) {
         flat->pix[i] = values[i];
         clipped += values[i] == SENSOR_CLIPPED;
     }
     free(values);
-    return clipped * 1000 > n
-               ? err_set(e, "%s: expected a flat field that is not clipped, found %lld clipped photosites",
-                         path, (long long)clipped)
-               : 0;
+    if (clipped * 1000 <= n) return 0;
+    img_free(flat);
+    return err_set(e, "%s: expected a flat field that is not clipped, found %lld clipped photosites", path,
+                   (long long)clipped);
 }
 
 int aside_heal(job *j, errmsg *e)

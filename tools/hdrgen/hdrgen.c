@@ -446,10 +446,13 @@ int main(int argc, char **argv)
     errmsg e;
     output_type used;
     job j = {.progress = cli_progress};
-    char *command = cli_command_line(&prog, argc, argv);
+    char *command = cli_command_line(&prog, argc, argv); /* before options are moved */
     j.n = cli_parse(&prog, argc, argv);
     check_usage(j.n);
-    if (set.dry_run) return dry_run();
+    if (set.dry_run) {
+        free(command);
+        return dry_run();
+    }
     j.opts = set.job;
     set.out.command = command;
     j.shots = calloc((size_t)j.n, sizeof *j.shots);
