@@ -58,16 +58,20 @@ static void last_line(char out[400], int fd, off_t from)
     snprintf(out, 400, "%.*s", n > start ? (int)(n - start) : 0, buf + start);
 }
 
-/* As the camera's command is run: in a group of its own that a later run would wait for, ended with us. */
+/* As the camera's command is run: in a group of its own that a later run would wait for, ended with us.  The session's own line
+ * goes to a shell in its folder; ours, whose names have no blanks, is run as it stands. */
 static stage_code carry_out(const session *s, const char *command, int log, int note, errmsg *e)
 {
     char shell[] = "sh", c[] = "-c", folder[] = "cd \"$1\" && eval \"$2\"", name[] = "sh";
     char *home = strdup(s->home_folder[0] ? s->home_folder : "."), *text = strdup(command);
     char *words[] = {shell, c, folder, name, home, text, NULL};
-    const argwords argv = {6, words};
+    argwords argv = {6, words}, split = {0};
     const camera_limits l = {1e6, s->kill_after, "", "", 0, log, note};
     errmsg why;
-    camera_result r = home && text ? camera_run(&argv, &l, &why) : CAMERA_FAILED;
+    int bad = home && text ? 0 : err_set(&why, "out of memory");
+    if (!bad && !s->next[0]) bad = argwords_split(&split, command, &why), argv = split;
+    camera_result r = bad ? CAMERA_FAILED : camera_run(&argv, &l, &why);
+    argwords_free(&split);
     free(home), free(text);
     if (r == CAMERA_OK) return STAGE_OK;
     if (r == CAMERA_INTERRUPTED) err_set(e, "interrupted while the chain was at work");
