@@ -41,16 +41,19 @@ bench-python: $(B)/test/ilfspeed $(VENV)/.ilf $(if $(wildcard $(FIELD)),,$(FIELD
 #?measures: bench-positions error against the number of positions, chosen by need (ROOMS="card twigs/40" LIGHT="FILE.csv ...")
 #?measures: bench-lamps     lamps taken out against version 1, in rooms of known lamps (LAMPS="--odd 7000:100 --grid 6x6 --texels 128x64")
 
-# Blender's Cycles with our lookup in OSL beside our renderer (half an hour; PyPI's bpy and usd-core, 1 GB unpacked, in a Python of their own).
+# Blender's Cycles with our lookup in OSL beside our renderer (half an hour; PyPI's bpy, 1 GB unpacked, in a Python of their own).
 CYCLES := $(B0)/bench/cycles
-.PHONY: bench-cycles bench-cycles-python
-bench-cycles-python: $(CYCLES)/venv/.packages
+.PHONY: bench-cycles test-cycles
 $(CYCLES)/venv/.packages: setup/requirements-cycles.txt setup/venv.sh | $(B0)/.debs-radiance
 	@mkdir -p $(CYCLES) && sh setup/venv.sh $(CYCLES)/venv $(PYTHON)
-	@echo "installing Blender as a Python module, and usd-core"
+	@echo "installing Blender as a Python module"
 	@$(CYCLES)/venv/bin/python -m pip install -q --disable-pip-version-check -r setup/requirements-cycles.txt
 	@touch $@
 bench-cycles: $(CYCLES)/venv/.packages radiance $(B)/bin/ilftrace $(VENV)/.ilf $(if $(wildcard $(FIELD)),,$(FIELD))
 	$(ILF_ENV) $(PY) bench/cycles/bench.py $(FIELD) $(CYCLES)/venv/bin/python $(CYCLES)
 
+# in Blender: the shader against ilftrace, the exported dome
+test-cycles: $(CYCLES)/venv/.packages $(B)/bin/ilflamps $(B)/bin/ilftrace $(VENV)/.ilf
+	ILF_BUILD=$(B) ILF_CYCLES=1 $(PY) -m pytest -q -p no:cacheprovider tests/ilfmat/test_osl.py tests/ilflamps/test_export.py -k "cycles or blender" $(TEST_ARGS)
+#?measures: test-cycles     the shader and the exported dome in Blender itself (PyPI's bpy)
 #?measures: bench-cycles    Blender's Cycles with ilf.osl beside our renderer (PyPI's bpy, 374 MB; FIELD=FILE.ilf.exr)

@@ -421,7 +421,6 @@ ilf_status ilf_eval_part(float rgb[3], const ilf_patches *patches, ilf_part part
 
 /* ---- writing ------------------------------------------------------------------------------ */
 
-/* A file to be written (docs/FORMAT.md, section 1); angles in radians. */
 /* What rounding (ilf_spec's tolerance) did to the light: relative changes of irradiance at the nodes, luminance that falls
  * on the plane from what the probes hold up to 90 degrees of the normal. */
 typedef struct ilf_loss {
@@ -431,6 +430,7 @@ typedef struct ilf_loss {
     int worst_i, worst_j; /* the node of worst */
 } ilf_loss;
 
+/* A file to be written (docs/FORMAT.md, section 1); angles in radians. */
 typedef struct ilf_spec {
     int n_u, n_v, n_theta, n_phi; /* all >= 1 */
     double origin[3], U[3], V[3]; /* of the sampled rectangle, scene's unit */

@@ -81,22 +81,16 @@ The chain from a session to a light field: copy /usr/share/ilf/example and run, 
 
     make -f /usr/share/ilf/chain/capture.mk CAPTURE=session.conf
 END
-field() { # LICENSE's paragraphs as a field of the copyright file
-    sed -e 's/[[:space:]]*$//' -e 's/^$/./' -e 's/^/ /' "$1"
-}
-copyright() { # copyright PACKAGE
+copyright() { # copyright PACKAGE: what the tree's LICENSE says, and Radiance's own licence beside its programs
     mkdir -p "$work/$1/usr/share/doc/$1"
     {
-        printf 'Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/\nUpstream-Name: ilf\n\n'
-        printf "Files: *\nCopyright: 2026 the incident light field toolchain's authors\nLicense: Expat\n"
-        sed -e '/^-----/,$d' -e '1,/^Copyright/d' LICENSE | sed -e '1{/^$/d}' -e 's/^$/./' -e 's/^/ /'
+        printf 'The incident light field toolchain, packaged from its own source tree.\n\n'
+        sed -e '/^-----/,$d' LICENSE
         [ "$1" = ilf-tools ] || return 0
-        printf '\nFiles: usr/lib/ilf/bin/* usr/lib/ilf/lib/*\n'
-        printf 'Copyright: 1990-2022 The Regents of the University of California, through Lawrence Berkeley National Laboratory\n'
-        printf 'License: Radiance-2.0\nComment:\n'
-        sed -n '/^-----/,$p' LICENSE | sed -e 1d -e 2d -e 's/^$/./' -e 's/^/ /'
-        printf '\nLicense: Radiance-2.0\n'
-        field "$doc/Radiance-License.txt"
+        printf 'usr/lib/ilf/bin and usr/lib/ilf/lib:\n'
+        sed -n '/^-----/,$p' LICENSE | sed 1d
+        echo
+        cat "$doc/Radiance-License.txt"
     } >"$work/$1/usr/share/doc/$1/copyright"
 }
 changelog() { # changelog PACKAGE

@@ -296,11 +296,17 @@ void ilf_unpeek_probe(const ilf *f, const unsigned char *pix, void *own)
     if (to > from) madvise((void *)from, to - from, MADV_DONTNEED);
 }
 
-static ilf_status check_node(const ilf *f, int i, int j, ilf_error *err)
+/* Probe (i, j) ready, its number in *k, and the lock held; after a failure it is not. */
+static ilf_status lock_probe(int64_t *k, ilf *f, int i, int j, ilf_error *err)
 {
-    if (i >= 0 && j >= 0 && i < f->info.n_u && j < f->info.n_v) return ILF_OK;
-    return ilf_fail(err, ILF_ERR_ARG, "%s: probe (%d,%d): expected one of %dx%d", f->path, i, j, f->info.n_u,
-                    f->info.n_v);
+    if (!(i >= 0 && j >= 0 && i < f->info.n_u && j < f->info.n_v))
+        return ilf_fail(err, ILF_ERR_ARG, "%s: probe (%d,%d): expected one of %dx%d", f->path, i, j,
+                        f->info.n_u, f->info.n_v);
+    *k = (int64_t)j * f->info.n_u + i;
+    pthread_mutex_lock(&f->lock);
+    const ilf_status st = need_locked(f, *k, err);
+    if (st != ILF_OK) pthread_mutex_unlock(&f->lock);
+    return st;
 }
 
 static void copy_out(float *rgb, const ilf *f, const unsigned char *pix)
@@ -315,34 +321,29 @@ static void copy_out(float *rgb, const ilf *f, const unsigned char *pix)
 ilf_status ilf_read_probe(float *rgb, const ilf *field, int i, int j, ilf_error *err)
 {
     ilf *f = (ilf *)(uintptr_t)field;
-    const int64_t k = (int64_t)j * f->info.n_u + i;
-    ilf_status st = check_node(f, i, j, err);
+    int64_t k;
+    const ilf_status st = lock_probe(&k, f, i, j, err);
 
     if (st != ILF_OK) return st;
-    pthread_mutex_lock(&f->lock);
-    st = need_locked(f, k, err);
     const int bounded = f->memory.most != 0;
     const unsigned char *pix = atomic_load_explicit(&f->pix[k], memory_order_relaxed);
-    if (st == ILF_OK && bounded) copy_out(rgb, f, pix); /* while it can't be given back */
+    if (bounded) copy_out(rgb, f, pix); /* while it can't be given back */
     pthread_mutex_unlock(&f->lock);
-    if (st == ILF_OK && !bounded) copy_out(rgb, f, pix);
-    return st;
+    if (!bounded) copy_out(rgb, f, pix);
+    return ILF_OK;
 }
 
 ilf_status ilf_view_probe(ilf_view *view, const ilf *field, int i, int j, ilf_error *err)
 {
     ilf *f = (ilf *)(uintptr_t)field;
-    const int64_t k = (int64_t)j * f->info.n_u + i;
-    ilf_status st = check_node(f, i, j, err);
+    int64_t k;
+    const ilf_status st = lock_probe(&k, f, i, j, err);
 
     if (st != ILF_OK) return st;
-    pthread_mutex_lock(&f->lock);
-    st = need_locked(f, k, err);
-    if (st == ILF_OK) f->probes[k].pinned = 1;
+    f->probes[k].pinned = 1;
     const unsigned char *pix = atomic_load_explicit(&f->pix[k], memory_order_relaxed);
     const int in_file = !f->probes[k].decoded;
     pthread_mutex_unlock(&f->lock);
-    if (st != ILF_OK) return st;
     /* in both orders the channels are evenly apart: B G R of a row, or R G B of a texel */
     *view = (ilf_view){.red = pix + f->chan_offset[0],
                        .type = f->is_half ? ILF_HALF : ILF_FLOAT,

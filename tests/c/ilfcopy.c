@@ -1,6 +1,6 @@
 /*
- * ilfcopy.c - test driver: a light field written anew.  ilfcopy IN OUT [--compression NAME] [--type NAME]
- * [--interleave]; ilfcopy --digest IN prints its digest
+ * ilfcopy.c - test driver: a light field written anew, without the history that ilfpack adds, so that bytes can be compared.
+ * ilfcopy IN OUT [--compression NAME] [--type NAME] [--interleave]; ilfcopy --digest IN prints its digest
  */
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,18 +1,20 @@
 """ilflamps --export: lamps and what is left for programs that read USD, for a Radiance without our patches, and as numbers."""
 import json
+import os
 import re
+import sys
 
 import ilf
 import numpy as np
 import pytest
-from conftest import BUILD, run
+from conftest import TOP, run
 from fishremap_util import read_exr
 from ilf_util import Lamp, Mask, assert_same, directional_ilf, random_ilf, rays_text, unit, write_ilf
 from process import execute
 from test_ilf_lamps import masks_of
 from test_version2 import PLANE, exportable, stock
 
-USD = BUILD.parent / "build" / "bench" / "cycles" / "venv" / "bin" / "python"    # make bench-cycles has usd-core
+BLENDER = TOP / "build" / "bench" / "cycles" / "venv" / "bin" / "python"     # Blender as a module: make test-cycles
 
 
 def field(lamps, n=(3, 3)):
@@ -145,9 +147,7 @@ print(json.dumps(dict(wrong=wrong, lights=lights, up=UsdGeom.GetStageUpAxis(stag
 
 
 def look(path):
-    if not USD.exists():
-        pytest.skip("usd-core is not installed: `make bench-cycles-python` does that")
-    return json.loads(execute([USD, "-c", LOOK, path], capture_output=True, check=True).stdout)
+    return json.loads(execute([sys.executable, "-c", LOOK, path], capture_output=True, check=True).stdout)
 
 
 def test_usd_core_reads_it(exported):
@@ -174,7 +174,7 @@ def test_usd_core_reads_it(exported):
     assert told["lights"]["lamp_5"]["size"]["angle"] == pytest.approx(2 * np.degrees(np.arcsin(9 / np.linalg.norm(f.lamps[4].c - [.5, .4, 0]))), rel=1e-4)
 
 
-BLENDER = """
+IN_BLENDER = """
 import json
 import bpy
 bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -195,13 +195,11 @@ json.dump([list(v) for v in it.matrix_world], open("camera.json", "w"))
 """
 
 
-@pytest.mark.sweep
+@pytest.mark.skipif(not os.environ.get("ILF_CYCLES"), reason="in Blender: make test-cycles runs it")
 def test_blender_sees_the_dome_the_right_way_round(tmp_path):
-    if not USD.exists():
-        pytest.skip("Blender is not installed: `make bench-cycles-python` does that")
     f = directional_ilf(lambda d: 1.2 + d * [1, .6, 0] + .4 * np.sin(5 * d[..., :1]), 256, 128, origin=(-.5, -.4, 0), U=(1, 0, 0), V=(0, .8, 0))
     run("ilflamps", "--quiet", "--export", "a.usda", write_ilf(tmp_path / "a.ilf.exr", f), cwd=tmp_path)
-    execute([USD, "-c", BLENDER], cwd=tmp_path, capture_output=True, check=True)
+    execute([BLENDER, "-c", IN_BLENDER], cwd=tmp_path, capture_output=True, check=True)
     image = read_exr(tmp_path / "seen.exr")[0][..., :3].reshape(-1, 3)
     M = np.array(json.loads((tmp_path / "camera.json").read_text()))
     x = ((np.arange(40) + .5) / 40 * 2 - 1) * np.tan(.75)

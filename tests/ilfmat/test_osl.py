@@ -1,17 +1,18 @@
 """ilf.osl in Blender's Cycles: a camera's rays into walls with the shader see what ilftrace says.
 
-Blender as a Python module is 1 GB: `make bench-cycles-python` installs it, and ILF_SWEEP=1 runs this.
+Blender as a Python module is 1 GB: `make test-cycles` installs it and runs this.
 """
 import json
+import os
 
 import numpy as np
 import OpenEXR
 import pytest
-from conftest import BUILD, TOP, run
+from conftest import TOP, run
 from ilf_util import directional_ilf, random_ilf, rays_text, write_ilf
 from process import execute
 
-BLENDER = BUILD.parent / "build" / "bench" / "cycles" / "venv" / "bin" / "python"
+BLENDER = TOP / "build" / "bench" / "cycles" / "venv" / "bin" / "python"
 ROOM = np.array([[-2., -1.5, -.4], [2.2, 1.6, 2.4]])
 SIZE = 40
 
@@ -61,11 +62,9 @@ def walls(o, d):
     return o + np.min((np.where(d > 0, ROOM[1], ROOM[0]) - o) / d, axis=1)[:, None] * d
 
 
-@pytest.mark.sweep
+@pytest.mark.skipif(not os.environ.get("ILF_CYCLES"), reason="in Blender: make test-cycles runs it")
 @pytest.mark.parametrize("how", ["walls", "hull", "sphere", "nodepth", "below", "one"])
 def test_cycles_sees_what_ilftrace_says(tmp_path, how):
-    if not BLENDER.exists():
-        pytest.skip("Blender is not installed: `make bench-cycles-python` does that")
     if how in ("below", "one"):                                        # the whole sphere, rays that fall; one probe
         f = directional_ilf(lambda d: 1 + .5 * d * [1, -.4, .7], 48, 24, polar_max=np.pi, origin=(-.5, -.4, 0), U=(1, 0, 0), V=(0, .8, 0))
     else:

@@ -3,6 +3,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import textfile
 from .errors import Bad
 
 
@@ -22,20 +23,8 @@ class Place:
 
 def read_path(path):
     """Its lines as an array (n, 5): seconds x y z heading; raises Bad."""
-    try:
-        with open(path, encoding="utf-8") as f:
-            lines = f.read().splitlines()
-    except (OSError, UnicodeDecodeError) as e:
-        raise Bad(f"{path}: can't be opened: {getattr(e, 'strerror', None) or 'not a text'}") from None
     rows = []
-    for k, line in enumerate(lines, 1):
-        words = line.partition("#")[0].split()
-        if not words:
-            continue
-        try:
-            row = [float(w) for w in words]
-        except ValueError:
-            row = []
+    for k, row, line in textfile.rows(path):
         if len(row) not in (4, 5) or not np.isfinite(row).all():
             raise Bad(f'{path}: line {k}: expected "seconds x y z [heading]", found \'{line.strip()[:40]}\'')
         if rows and row[0] <= rows[-1][0]:

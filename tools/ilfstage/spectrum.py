@@ -5,6 +5,7 @@ The colour matching functions are the sums of lobes of Wyman, Sloan and Shirley 
 """
 import numpy as np
 
+from . import textfile
 from .errors import Bad
 
 WHITE_EFFICACY = 179.
@@ -39,19 +40,8 @@ def rgb(nm, power):
 
 def read(path):
     """R, G, B of a file with lines "nm value", blanks or a comma between; raises Bad."""
-    try:
-        lines = path.read_text().splitlines()
-    except (OSError, UnicodeDecodeError) as e:
-        raise Bad(f"{path}: can't be opened: {getattr(e, 'strerror', None) or 'not a text'}") from None
     rows = []
-    for k, line in enumerate(lines, 1):
-        words = line.partition("#")[0].replace(",", " ").split()
-        if not words:
-            continue
-        try:
-            row = [float(w) for w in words]
-        except ValueError:
-            row = []
+    for k, row, line in textfile.rows(path, ","):
         if len(row) != 2 or not np.isfinite(row).all() or row[1] < 0 or (rows and row[0] <= rows[-1][0]):
             raise Bad(f"{path}: line {k}: expected a wavelength (nm, rising) and a value of 0 or more, found '{line.strip()[:40]}'")
         rows.append(row)
